@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.nn.blocks import FrameTransformer
 from geneoh.nn.precision import cleaning_precision, multiply_in, quick_precision
@@ -9,7 +10,7 @@ from geneoh.nn.precision import cleaning_precision, multiply_in, quick_precision
 
 def test_less_precise_products_change_little_and_leave_the_type():
     model = FrameTransformer(16, 2, heads=2)
-    x = torch.randn(2, 5, 16, generator=torch.Generator().manual_seed(1))
+    x = torch.randn(2, 5, 16, generator=seeded(1))
     level = torch.tensor([0.1, -0.3])
     with torch.no_grad():
         plain = model(x, level)

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 from made_grasps import grasps_at
 from torch import Tensor
 
@@ -35,7 +36,7 @@ CALM = HandMotionConfig(
 
 def held_from_above(count: int, kind: str = "power") -> tuple[Grasps, Solids, list[str]]:
     """Hands over objects; whether they touch is not what moves them."""
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     families = [FAMILY[i % len(FAMILY)] for i in range(count)]
     wrist = torch.tensor([0.08, 0.05, 0.25]) + 0.01 * torch.randn(count, 3, generator=generator)
     return grasps_at(wrist, kind=kind), draw_objects(families, generator=generator), families
@@ -46,7 +47,7 @@ def acted(config: ActingConfig, count: int = 24, overlap: float = 1.0, points: i
     config = replace(config, overlap=overlap)
     grasps, solids, families = held_from_above(count)
     numbers = {name: index for index, name in enumerate(FAMILIES)}
-    generator = torch.Generator().manual_seed(1)
+    generator = seeded(1)
     return act(grasps, solids, families, numbers, points, config, generator=generator)
 
 
@@ -181,7 +182,7 @@ def test_what_is_passed_goes_from_one_hand_to_the_other():
 def test_a_flat_hand_on_top_presses_and_moves_nothing():
     grasps, solids, families = held_from_above(8, "support")
     numbers = {name: index for index, name in enumerate(FAMILIES)}
-    generator = torch.Generator().manual_seed(1)
+    generator = seeded(1)
     actions = act(grasps, solids, families, numbers, 64, generator=generator)
     assert (actions.verb == VERBS.index("press")).all()
     assert (actions.translation.diff(dim=1).abs() < 1e-6).all()
@@ -190,7 +191,7 @@ def test_a_flat_hand_on_top_presses_and_moves_nothing():
 def test_no_grasp_makes_no_action():
     grasps, solids, _ = held_from_above(8)
     none = torch.zeros(0, dtype=torch.long)
-    generator = torch.Generator().manual_seed(1)
+    generator = seeded(1)
     actions = act(grasps.take(none, "B"), solids.take(none, "B"), [], {}, 64, generator=generator)
     assert len(actions.verb) == 0
 
@@ -199,7 +200,7 @@ def test_hands_below_the_table_do_nothing():
     grasps, solids, families = held_from_above(8)
     below = replace(grasps, wrist=grasps.wrist * torch.tensor([1.0, 1.0, -1.0]))
     numbers = {name: index for index, name in enumerate(FAMILIES)}
-    generator = torch.Generator().manual_seed(1)
+    generator = seeded(1)
     upright = [i for i, name in enumerate(families) if name in ("mug", "bowl", "laptop")]
     which = torch.tensor(upright)
     actions = act(

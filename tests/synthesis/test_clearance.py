@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 from torch import Tensor
 
 from geneoh.errors import ConfigError
@@ -29,7 +30,7 @@ def hands_at(*places: float) -> HandPath:
 
 def boxes(count: int) -> tuple[MovingSolids, Tensor]:
     """Boxes at rest around the origin, and the bones of the hands at them."""
-    solids = draw_objects(["box"] * count, generator=torch.Generator().manual_seed(3))
+    solids = draw_objects(["box"] * count, generator=seeded(3))
     rotation = torch.eye(3).expand(count, FRAMES, 2, 3, 3)
     objects = MovingSolids(solids, rotation, torch.zeros(count, FRAMES, 2, 3))
     return objects, load_hand("right").shaped(torch.zeros(count, 10)).offsets
@@ -57,7 +58,7 @@ def test_the_depth_is_the_same_wherever_hand_and_object_are_carried():
 
 
 def test_a_hand_meets_the_part_that_a_joint_has_moved_to_it():
-    solids = draw_objects(["drawer"], generator=torch.Generator().manual_seed(3))
+    solids = draw_objects(["drawer"], generator=seeded(3))
     rotation = torch.eye(3).expand(1, FRAMES, 2, 3, 3)
     translation = torch.zeros(1, FRAMES, 2, 3)
     translation[:, FRAMES // 2 :, 1, 0] = BESIDE
@@ -96,7 +97,7 @@ def test_the_shallowest_way_is_taken_where_none_is_clear():
 
 def test_hands_of_made_clips_seldom_lead_through_the_object():
     config = SynthesisConfig()
-    generator = torch.Generator().manual_seed(5)
+    generator = seeded(5)
     tried = draw_attempts(config, list(config.common), 32, generator=generator)
     grasps = tried_grasps(tried, config, grasp_directions(tried.solids, tried.shared), generator)
     kept, solids = grasps.take(grasps.kept, "B"), tried.solids.take(grasps.kept, "B")
@@ -104,9 +105,7 @@ def test_hands_of_made_clips_seldom_lead_through_the_object():
     def deepest(draws: int) -> Tensor:
         """Depth of the deepest sphere of each hand when so many ways are drawn, metres."""
         animation = AnimationConfig(clearance=ClearanceConfig(draws=draws))
-        clips = animate(
-            kept, solids, 120, 16, animation, generator=torch.Generator().manual_seed(6)
-        )
+        clips = animate(kept, solids, 120, 16, animation, generator=seeded(6))
         objects = MovingSolids(solids, clips.rotation, clips.translation)
         hands = HandPath(
             clips.wrist, axis_angle_to_matrix(clips.pose[:, :, 0]), clips.pose[:, :, 1:]

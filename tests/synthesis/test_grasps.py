@@ -1,14 +1,15 @@
 from dataclasses import fields, replace
+from itertools import chain
 
 import pytest
 import torch
-from draws import seeded
+from draws import normal, seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
-from geneoh.synthesis.contact_pads import BONE_RADIUS, MEAN_SPAN
+from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics
+from geneoh.synthesis.contact_pads import BONE_RADIUS, contact_pads, hand_scale
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import (
     GraspChecks,
@@ -25,8 +26,19 @@ FAMILIES = ["box", "cylinder", "ellipsoid", "capsule", "ring", "pen", "mug", "kn
 COUNT = len(FAMILIES)
 QUICK = GraspConfig(steps=90)
 CHECKS = GraspChecks()
-PALM = ((0, 4, 0.55, 0.017), (0, 4, 0.85, 0.016))
-"""Points of the palm: from, to (MANO joints), share of the way, metres below."""
+INDEX, MIDDLE, PINKY, RING, THUMB = ((n, n + 1, n + 2) for n in range(0, 15, 3))
+SIDE, PALM = (15, 16), (17, 18)
+FINGERS = (INDEX, MIDDLE, PINKY, RING)
+PADS = {
+    "power": (*FINGERS, THUMB, PALM),
+    "lateral": (SIDE, THUMB[2:]),
+    "hook": FINGERS,
+    "support": (*FINGERS, PALM),
+} | {
+    f"precision {count}": tuple(pads[1:] for pads in (THUMB, INDEX, MIDDLE, RING, PINKY)[:count])
+    for count in range(2, 6)
+}
+"""The pads that each kind of grasp may hold with, digit by digit."""
 
 
 def offsets(count: int) -> Tensor:
@@ -42,75 +54,22 @@ def grasped() -> tuple[Grasps, Solids]:
 
 def along_bones(grasps: Grasps) -> tuple[Tensor, Tensor]:
     """Ten points along the inner part of each bone (B, 20, 10, 3), and the hand's size."""
-    joints, _ = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)
+    joints, _ = grasps.posed()
     start, end = joints[:, list(KEYPOINT_PARENTS[1:])], joints[:, 1:]
     share = torch.linspace(0.15, 0.9, 10)[:, None]
-    size = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1) / MEAN_SPAN
-    return start[:, :, None] + share * (end - start)[:, :, None], size
-
-
-def hand_of(grasps: Grasps) -> tuple[Tensor, Tensor, Tensor]:
-    """The 21 points of MANO's order (16 joints, 5 tips), joint rotations, and sizes."""
-    turns = axis_angle_to_matrix(grasps.pose)
-    joints, turned = forward_kinematics(turns, grasps.wrist, grasps.offsets)
-    size = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1) / MEAN_SPAN
-    return joints[:, list(MANO_FROM_OPENPOSE)], turned, size
-
-
-def pad(grasps: Grasps, joint: int, end: int, share: float, facing: tuple, radius: float) -> Tensor:
-    """One skin point of each hand (B, 3)."""
-    points, turned, size = hand_of(grasps)
-    inner = points[:, joint] + share * (points[:, end] - points[:, joint])
-    return inner + radius * size[:, None] * (turned[:, joint] @ torch.tensor(facing))
-
-
-def pads_of(grasps: Grasps, digit: int, phalanges: tuple[int, ...]) -> Tensor:
-    """Pads under phalanges (0 to 2) of a digit (index, middle, pinky, ring, thumb): (B, P, 3)."""
-    radii = (0.013, 0.011, 0.0085) if digit == 4 else (0.0105, 0.009, 0.008)
-    facing = (-0.55, -0.50, -0.67) if digit == 4 else (0.0, -1.0, 0.0)
-    found = []
-    for phalanx in phalanges:
-        joint = 1 + 3 * digit + phalanx
-        end = joint + 1 if phalanx < 2 else 16 + digit
-        share = 0.6 if phalanx == 2 else 0.5
-        found.append(pad(grasps, joint, end, share, facing, radii[phalanx]))
-    return torch.stack(found, dim=1)
-
-
-def lateral_side(grasps: Grasps) -> Tensor:
-    ends = ((2, 3, 0.009), (3, 16, 0.0085))
-    return torch.stack(
-        [pad(grasps, j, end, 0.5, (0.0, 0.0, 1.0), radius) for j, end, radius in ends], dim=1
-    )
-
-
-def parts(grasps: Grasps, name: str) -> list[Tensor]:
-    """The pads (B, P, 3) that a kind of grasp may hold with, digit by digit."""
-    if name == "lateral":
-        return [lateral_side(grasps), pads_of(grasps, 4, (2,))]
-    if name in ("hook", "support"):
-        fingers = [pads_of(grasps, digit, (0, 1, 2)) for digit in range(4)]
-        palm = [pad(grasps, j, e, share, (0.0, -1.0, 0.0), r) for j, e, share, r in PALM]
-        return fingers + ([torch.stack(palm, dim=1)] if name == "support" else [])
-    if name == "power":
-        palm = [pad(grasps, j, e, share, (0.0, -1.0, 0.0), r) for j, e, share, r in PALM]
-        fingers = [pads_of(grasps, digit, (0, 1, 2)) for digit in range(5)]
-        return [*fingers, torch.stack(palm, dim=1)]
-    order = (4, 0, 1, 3, 2)  # the thumb, then the neighbours from the index on
-    return [pads_of(grasps, digit, (1, 2)) for digit in order[: int(name[-1])]]
+    return start[:, :, None] + share * (end - start)[:, :, None], hand_scale(grasps.offsets)
 
 
 def contacts(grasps: Grasps, solids: Solids, index: int) -> tuple[Tensor, Tensor, Tensor]:
     """Of one kind of kept grasp: touching digits (G,), touching pads (G, P), their normals."""
     mine = grasps.kept & (grasps.types == index)
     grasps, solids = grasps.take(mine, "B"), solids.take(mine, "B")
-    digits = parts(grasps, GRASP_TYPES[index].name)
-    distance, normal = solids.distance_and_normal(torch.cat(digits, dim=1))
+    pads, _ = contact_pads(*grasps.posed(), hand_scale(grasps.offsets))
+    digits = PADS[GRASP_TYPES[index].name]
+    distance, normal = solids.distance_and_normal(pads[:, list(chain(*digits))])
     touching = distance.abs() < GraspChecks().contact + 1e-6
-    count = torch.stack(
-        [part.any(1) for part in touching.split([d.shape[1] for d in digits], dim=1)], dim=1
-    ).sum(1)
-    return count, touching, normal
+    parts = touching.split(list(map(len, digits)), dim=1)
+    return torch.stack([part.any(1) for part in parts], dim=1).sum(1), touching, normal
 
 
 def indices(*names: str) -> list[int]:
@@ -131,6 +90,18 @@ def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
     assert float(apart[2].mean()) < 0.12 < float(apart[0].mean())
     between = [(hand[8] - hand[20]).norm() for hand in joints]
     assert between[2] < between[0], "closing fingers converge"
+
+
+def test_pads_lie_on_the_skin_and_face_away_from_it():
+    hands = load_hand("right").shaped(0.5 * normal(6, 10))
+    pose = torch.cat([normal(6, 1, 3, seed=1), curled(torch.linspace(0, 0.5, 30).view(6, 5))], 1)
+    wrist = torch.zeros(6, 3)
+    skin = hands.posed(pose, wrist).verts
+    joints, turns = forward_kinematics(axis_angle_to_matrix(pose), wrist, hands.offsets)
+    pads, facing = contact_pads(joints, turns, hand_scale(hands.offsets))
+    assert float(torch.cdist(pads, skin).amin(-1).max()) < 0.007
+    off = torch.cdist(pads + 0.01 * facing, skin).amin(-1)
+    assert float(off.min()) > 0.005
 
 
 def test_kinds_are_drawn_by_their_shares():
@@ -156,7 +127,7 @@ def test_kept_grasps_are_hardly_inside_the_object(grasped):
     grasps, solids = grasped
     bones, size = along_bones(grasps)
     distance = solids.signed_distance(bones.flatten(1, 2)).unflatten(1, (20, 10))
-    depth = BONE_RADIUS[:, None] * size[:, None, None] - distance
+    depth = BONE_RADIUS[:, None] * size[..., None] - distance
     # between two of the spheres that are checked the bone may be a little deeper
     assert float(depth[grasps.kept].max()) < GraspChecks().depth + 0.002
 
@@ -237,7 +208,7 @@ def test_hands_shift_to_grips_that_pass_the_checks_too(grasped):
             assert int(after.min()) >= 2
         bones, size = along_bones(found)
         distance = solids.signed_distance(bones.flatten(1, 2)).unflatten(1, (20, 10))
-        depth = BONE_RADIUS[:, None] * size[:, None, None] - distance
+        depth = BONE_RADIUS[:, None] * size[..., None] - distance
         assert float(depth.max()) < GraspChecks().depth + 0.002
 
 

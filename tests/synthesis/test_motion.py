@@ -2,6 +2,7 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
+from draws import seeded
 from made_grasps import grasps_at
 from torch import Tensor
 
@@ -29,14 +30,14 @@ CONFIG = ObjectMotionConfig()
 
 def grasps_and_solids() -> tuple[Grasps, Solids]:
     """Hands at some place on boxes; whether they touch is not what moves them."""
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     orient = torch.randn(BATCH, 1, 3, generator=generator)
     wrist = 0.1 * torch.randn(BATCH, 3, generator=generator)
     return grasps_at(wrist, orient[:, 0]), draw_objects(["box"] * BATCH, generator=generator)
 
 
 def interactions(seed: int = 1, frames: int = FRAMES) -> Interactions:
-    generator = torch.Generator().manual_seed(seed)
+    generator = seeded(seed)
     return animate(*grasps_and_solids(), frames, POINTS, generator=generator)
 
 
@@ -90,7 +91,7 @@ def moving_between(lift: Tensor, put_down: Tensor) -> Schedule:
 
 def test_the_object_rests_before_it_is_lifted_and_after_it_is_released():
     lift, release = torch.full((200,), 10.0), torch.linspace(22.0, 50.0, 200)
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     rest = Standing(torch.eye(3).expand(200, 3, 3), torch.zeros(200, dtype=torch.bool))
     schedule = moving_between(lift, release)
     rotation, translation = carried_path(schedule, rest, CONFIG, Draws(200, generator))
@@ -130,9 +131,7 @@ def test_hands_shift_to_their_other_grips_while_they_hold():
     grips = Grips(
         pose[:, None].expand(-1, 2, -1, -1), (grasps.wrist + aside)[:, None].expand(-1, 2, -1)
     )
-    made = animate(
-        grasps, solids, FRAMES, POINTS, generator=torch.Generator().manual_seed(1), grips=grips
-    )
+    made = animate(grasps, solids, FRAMES, POINTS, generator=seeded(1), grips=grips)
     off = (
         wrist_in_object(made)[:, :, None]
         - torch.stack([grasps.wrist, grips.wrist[:, 0]], 1)[:, None]
@@ -169,11 +168,9 @@ def test_short_clips_are_finite_too(frames):
 def test_tables_are_below_the_hand_and_stand_the_object_up():
     grasps, solids = grasps_and_solids()
     joints = skeleton(grasps)
-    surface, _ = solids.surface_points(200, generator=torch.Generator().manual_seed(4))
+    surface, _ = solids.surface_points(200, generator=seeded(4))
     floating = torch.arange(BATCH) % 4 == 0
-    rest = draw_standing(
-        joints, surface, floating, CONFIG, Draws(BATCH, torch.Generator().manual_seed(5))
-    )
+    rest = draw_standing(joints, surface, floating, CONFIG, Draws(BATCH, seeded(5)))
     square = rest.upright @ rest.upright.mT
     torch.testing.assert_close(square, torch.eye(3).expand_as(square), atol=1e-5, rtol=0)
     assert not bool(rest.on_table[floating].any())
@@ -187,9 +184,7 @@ def test_from_a_table_objects_are_lifted_and_put_back_upright():
     count = 200
     rest = Standing(torch.eye(3).expand(count, 3, 3), torch.ones(count, dtype=torch.bool))
     lift, put = torch.full((count,), 5.0), torch.full((count,), 50.0)
-    rotation, shift = carried_path(
-        moving_between(lift, put), rest, CONFIG, Draws(count, torch.Generator().manual_seed(0))
-    )
+    rotation, shift = carried_path(moving_between(lift, put), rest, CONFIG, Draws(count, seeded()))
     assert float(shift[..., 2].min()) > -1e-5, "never into the table"
     torch.testing.assert_close(shift[:, -1, 2], torch.zeros(count), atol=1e-5, rtol=0)
     torch.testing.assert_close(rotation[:, -1, 2, 2], torch.ones(count), atol=1e-5, rtol=0)
@@ -207,7 +202,7 @@ def skeleton(grasps: Grasps) -> Tensor:
 def at_drawers(offset: float) -> tuple[Grasps, Solids]:
     """Hands on the handles of drawers (and so much along the way out), palms any way."""
     grasps, _ = grasps_and_solids()
-    solids = draw_objects(["drawer"] * BATCH, generator=torch.Generator().manual_seed(3))
+    solids = draw_objects(["drawer"] * BATCH, generator=seeded(3))
     middle = skeleton(grasps)[:, 1:].mean(1)
     place = solids.center[:, 3] + torch.tensor([offset, 0.0, 0.0])
     return replace(grasps, wrist=grasps.wrist + place - middle), solids
@@ -225,7 +220,7 @@ def test_a_hand_at_a_handle_holds_the_second_part_and_may_pull_it():
 
 def test_a_joint_has_no_room_through_the_hand():
     grasps, _ = grasps_and_solids()
-    solids = draw_objects(["laptop"] * BATCH, generator=torch.Generator().manual_seed(8))
+    solids = draw_objects(["laptop"] * BATCH, generator=seeded(8))
     # hands on the near half of the keyboard: where the lid would come down
     place = torch.stack([solids.size[:, 0, 0] * 0.5, *torch.zeros(2, BATCH)], dim=-1)
     place[:, 2] = 0.03
@@ -245,7 +240,7 @@ def test_a_joint_has_no_room_through_the_hand():
 
 def test_hands_work_joints_and_follow_the_part_they_hold():
     grasps, solids = at_drawers(0.05)
-    made = animate(grasps, solids, 90, POINTS, generator=torch.Generator().manual_seed(6))
+    made = animate(grasps, solids, 90, POINTS, generator=seeded(6))
     held = held_part(solids, skeleton(grasps), CONFIG)
     drawn = (made.translation[:, :, 1] - made.translation[:, :, 0]).norm(dim=-1)
     works = drawn.amax(1) > 0.005
@@ -268,9 +263,7 @@ def test_two_hands_hold_one_object_seen_in_a_mirror():
     grasps, solids = grasps_and_solids()
     half = BATCH // 2
     pairs = HandPairs(torch.cat([torch.full((half,), -1), torch.arange(half)]))
-    made = animate(
-        grasps, solids, FRAMES, POINTS, generator=torch.Generator().manual_seed(7), pairs=pairs
-    )
+    made = animate(grasps, solids, FRAMES, POINTS, generator=seeded(7), pairs=pairs)
     flip = torch.tensor([-1.0, 1.0, 1.0])
     one, two = slice(0, half), slice(half, None)
     torch.testing.assert_close(made.translation[two], made.translation[one] * flip)

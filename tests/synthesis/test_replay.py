@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 from made_grasps import ANY_GRASP
 from safetensors import safe_open
 from safetensors.torch import save_file
@@ -95,8 +96,8 @@ def test_a_shard_of_other_people_than_its_seed_draws_is_refused(folder, tmp_path
 
 def test_distance_follows_the_part_that_has_moved():
     """A chest is as far from points of its lid when that is opened as when it was drawn."""
-    solids = draw_objects(["chest"], generator=torch.Generator().manual_seed(0))
-    points, _ = solids.only(1).surface_points(64, generator=torch.Generator().manual_seed(1))
+    solids = draw_objects(["chest"], generator=seeded())
+    points, _ = solids.only(1).surface_points(64, generator=seeded(1))
     turn, shift = solids.joint_pose(torch.linspace(0, float(solids.travel[0, 1]), 3)[None])
     world = axis_angle_to_matrix(torch.tensor([0.3, -1.0, 0.5]))
     rotation = torch.stack([world.expand(1, 3, 3, 3), world @ turn], dim=2)

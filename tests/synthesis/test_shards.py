@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from draws import seeded
 from made_actions import write_actions
 from made_gestures import made_gestures, write_gesture_shards
 from made_grasps import ANY_GRASP
@@ -112,7 +113,7 @@ def test_a_shard_is_filled_from_the_grasps_that_were_kept(monkeypatch):
         return replace(grasps, kept=kept)
 
     monkeypatch.setattr(shards, "synthesize_grasps", choosy)
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     made = synthesize_shard(TINY, ["box"], generator=generator)
     assert len(calls) == 3
     assert all(len(getattr(made, f.name)) == TINY.shard for f in fields(Interactions))
@@ -124,7 +125,7 @@ def test_a_split_is_read_as_it_was_made(tmp_path):
     assert train.pose.shape == (4, 8, 16, 3)
     assert val.points.shape == (2, 8, 3)
     assert float(train.offsets.norm(dim=-1).std(0).min()) > 0, "people differ in size"
-    generator = torch.Generator().manual_seed(seed_of(0, "shard", 0))
+    generator = seeded(seed_of(0, "shard", 0))
     again = synthesize_shard(TINY, list(TINY.held_out), generator=generator)
     for field in fields(Interactions):
         assert torch.equal(getattr(val, field.name), getattr(again, field.name))

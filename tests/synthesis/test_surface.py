@@ -1,5 +1,6 @@
 import pytest
 import torch
+from draws import seeded
 from watertight import is_watertight
 
 from geneoh.synthesis.objects import draw_objects
@@ -29,11 +30,11 @@ def test_the_mesh_is_closed_and_has_the_solids_volume(make_solid, kind, center):
 
 @pytest.mark.parametrize("family", ["kettle", "knife", "scissors"])
 def test_vertices_lie_on_the_surface_and_nothing_is_cut_off(family):
-    solid = draw_objects([family], generator=torch.Generator().manual_seed(5))
+    solid = draw_objects([family], generator=seeded(5))
     mesh = mesh_of(solid)
     assert is_watertight(mesh)
     assert float(solid.signed_distance(mesh.verts[None]).abs().max()) < 1e-4
-    points, _ = solid.surface_points(300, generator=torch.Generator().manual_seed(0))
+    points, _ = solid.surface_points(300, generator=seeded())
     assert float(torch.cdist(points[0], mesh.verts).amin(-1).max()) < 1.5 * SPACING
 
 

@@ -2,6 +2,7 @@ import math
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.synthesis.actions import LONGEST, VERBS
 from geneoh.synthesis.draws import Draws
@@ -12,14 +13,14 @@ BATCH, START = 16, 20.0
 
 def path_of(verb: str) -> torch.Tensor:
     """Shift, turn and joint of objects of 10 cm that do what the verb says."""
-    draws = Draws(BATCH, torch.Generator().manual_seed(0))
+    draws = Draws(BATCH, seeded())
     which = torch.full((BATCH,), VERBS.index(verb))
     moves = moves_of(which, torch.full((BATCH,), 0.1), VerbConfig(), draws)
     return moves.path(torch.full((BATCH,), START), 2 * LONGEST)
 
 
 def test_every_verb_has_a_script_that_fits():
-    draws = Draws(BATCH, torch.Generator().manual_seed(0))
+    draws = Draws(BATCH, seeded())
     moves = moves_of(
         torch.arange(BATCH) % len(VERBS), torch.full((BATCH,), 0.1), VerbConfig(), draws
     )
@@ -81,7 +82,7 @@ def test_opening_and_closing_are_opposite():
 
 
 def test_quicker_moves_go_the_same_way():
-    draws = Draws(BATCH, torch.Generator().manual_seed(0))
+    draws = Draws(BATCH, seeded())
     which = torch.full((BATCH,), VERBS.index("pour"))
     moves = moves_of(which, torch.full((BATCH,), 0.1), VerbConfig(), draws)
     half = moves.quicker(torch.full((BATCH,), 0.5))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 from made_grasps import grasps_at
 
 from geneoh.baselines.regression import RegressionConfig
@@ -23,7 +24,7 @@ from geneoh.training.config import TrainConfig
 @pytest.fixture(scope="session")
 def interactions() -> Interactions:
     """Four interactions of 62 frames with 40 surface points."""
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     orient = torch.randn(4, 1, 3, generator=generator)
     grasps = grasps_at(0.05 * torch.randn(4, 3, generator=generator), orient[:, 0])
     solids = draw_objects(["box"] * 4, generator=generator)

@@ -2,6 +2,7 @@ from dataclasses import fields
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.draws import Draws
@@ -14,7 +15,7 @@ STEADY = CorruptionConfig(camera_share=0.0)
 
 
 def drawn(batch: int, frames: int, seed: int = 0, config: CorruptionConfig = STEADY) -> Corruption:
-    return draw_corruption(frames, Draws(batch, torch.Generator().manual_seed(seed)), config)
+    return draw_corruption(frames, Draws(batch, seeded(seed)), config)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from draws import seeded
 from made_grasps import ANY_GRASP
 
 from geneoh.errors import ConfigError, InputError
@@ -120,7 +121,7 @@ def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clip
     shorter = portion(clips.take(slice(1)), 2.0, [6], 1.0)
     both = mixed([longer, shorter])
     assert isinstance(both, WeightedInteractions)
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     config = WindowConfig(frames=6, fast_share=0.5)
     wrists = [draw_windows(both, config, Draws(50, generator)).hand.wrist for _ in range(20)]
     assert all(bool(wrist.isfinite().all()) for wrist in wrists)
@@ -130,7 +131,7 @@ def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clip
 
 def test_windows_of_two_frames_can_be_drawn(clips):
     config = WindowConfig(frames=2, short_share=1.0)
-    drawn = draw_windows(clips, config, Draws(3, torch.Generator().manual_seed(0)))
+    drawn = draw_windows(clips, config, Draws(3, seeded()))
     assert drawn.hand.wrist.shape == (3, 2, 3)
 
 

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 import torch
-from stage_runs import train_stage
+from draws import seeded
+from stage_runs import Interrupted, stop_after, train_stage
 
 from geneoh.baselines.library import load_baseline
 from geneoh.denoisers.library import load_denoisers
@@ -27,18 +28,6 @@ from geneoh.training.windows import WindowConfig
 CPU = torch.device("cpu")
 STAGES = ("motion", "spatial", "trajectory", "relations", "temporal", "latent")
 BASELINES = ("toch", "regression")
-
-
-class Interrupted(Exception):
-    pass
-
-
-def stop_after(step):
-    def listen(progress):
-        if progress.step == step:
-            raise Interrupted
-
-    return listen
 
 
 def same(first, second) -> bool:
@@ -132,13 +121,13 @@ def test_the_loss_falls(clips, tiny):
         clips,
         4,
         tiny,
-        generator=torch.Generator().manual_seed(0),
+        generator=seeded(),
     )
     model = build_model("motion", tiny)
     optimizer = Optimizer(model, tiny)
 
     def loss(seed: int) -> torch.Tensor:
-        return motion_loss(model, batch, Draws(4, torch.Generator().manual_seed(seed)))
+        return motion_loss(model, batch, Draws(4, seeded(seed)))
 
     def tested() -> float:
         with torch.no_grad():
@@ -272,7 +261,7 @@ def test_the_latent_stage_learns_its_autoencoder_first(tiny):
 
 def test_the_latent_is_white_once_its_statistics_are_set(clips, tiny):
     model = build_model("latent", tiny)
-    batch = draw_batch(clips, 2, generator=torch.Generator().manual_seed(0))
+    batch = draw_batch(clips, 2, generator=seeded())
     for _ in range(2):  # what was set before does not matter
         set_latent_statistics(model, batch)
         latent = temporal_latent(model, batch, batch.clean)

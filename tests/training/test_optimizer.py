@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 from torch import nn
 
 from geneoh.nn.blocks import FrameTransformer
@@ -44,7 +45,7 @@ def test_each_step_goes_as_far_as_its_rate(tiny, rate):
     model = build_model("motion", replace(tiny, weight_decay=0.0))
     optimizer = Optimizer(model, replace(tiny, weight_decay=0.0))
     before = {name: p.detach().clone() for name, p in model.named_parameters()}
-    generator = torch.Generator().manual_seed(0)
+    generator = seeded()
     for p in model.parameters():
         p.grad = torch.randn(p.shape, generator=generator)
     optimizer.step(rate)
@@ -59,7 +60,7 @@ def test_what_is_remembered_can_be_given_to_another(tiny):
         return model, Optimizer(model, tiny)
 
     def move(model: nn.Module, optimizer: Optimizer, seed: int) -> None:
-        generator = torch.Generator().manual_seed(seed)
+        generator = seeded(seed)
         for p in model.parameters():
             p.grad = torch.randn(p.shape, generator=generator)
         optimizer.step(1e-2)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from draws import seeded
 from safetensors.torch import load_file
 from stage_runs import train_stage
 
@@ -93,7 +94,7 @@ def test_memory_does_not_grow_with_the_shards(interactions, tiny, tmp_path):
         before = memory()
         data = training_data([DataSource(folder)], tmp_path, tiny)
         for seed in range(5):
-            generator = torch.Generator().manual_seed(seed)
+            generator = seeded(seed)
             draw_windows(data.training, tiny.windows, Draws(32, generator))
         grown.append(memory() - before)
     assert size > 5e6
