@@ -5,8 +5,6 @@ the network (`DistributedDataParallel`), because losses also call parts of netwo
 """
 
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ import torch
 from torch import Tensor, distributed
 
 from geneoh.errors import ConfigError, EndedElsewhereError, GeneOHError
+from geneoh.interrupts import on_interrupt
 
 VARIABLES = ("RANK", "WORLD_SIZE", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT")
 """What torchrun tells each process in its environment."""
@@ -135,11 +134,5 @@ def noted_interrupts(team: Team) -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         pressed = True
 
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    before = signal.signal(signal.SIGINT, note)
-    try:
+    with on_interrupt(note):
         yield lambda: pressed
-    finally:
-        signal.signal(signal.SIGINT, before)
