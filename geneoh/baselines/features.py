@@ -8,6 +8,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
+from geneoh.denoisers.motion import jitter_of
 from geneoh.denoisers.relations import contact_features
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.spatial import SpatialRelations
@@ -30,14 +31,11 @@ class Observation(Bundle):
     def features(self) -> Float[Tensor, "B T F"]:
         """Network input per frame: position, pose, jitter, trust, bone lengths, and a one."""
         joints, wrist = self.joints, self.joints[:, :, :1]
-        jitter = torch.zeros_like(joints)
-        if joints.shape[1] > 2:
-            jitter[:, 1:-1] = joints.diff(n=2, dim=1)
         bones = bone_lengths(joints).median(dim=1, keepdim=True).values
         parts = [
             (joints / HAND_SCALE).flatten(2),
             ((joints - wrist)[:, :, 1:] / 0.04).flatten(2),
-            (jitter / NOISE_SCALE).flatten(2),
+            jitter_of(joints.flatten(2)) / NOISE_SCALE,
             self.trust,
             ((bones - 0.03) / 0.03).expand(-1, joints.shape[1], -1),
             torch.ones_like(self.trust[..., :1]),

@@ -111,7 +111,7 @@ class ObservedMotion(Bundle):
             ((joints - wrist)[:, :, 1:] / 0.06).flatten(2),
             six,
             fingers / 0.5,
-            _jitter(torch.cat([wrist[:, :, 0] / 0.02, six / 0.1, fingers / 0.5], dim=-1)),
+            jitter_of(torch.cat([wrist[:, :, 0] / 0.02, six / 0.1, fingers / 0.5], dim=-1)),
             (offset * near[..., None] / 0.01).flatten(2),
             near,
             (height * near / 0.01).clamp(-3, 3),
@@ -142,7 +142,7 @@ class ObservedMotion(Bundle):
         return object_rates(move, turn, axes)
 
 
-def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B T D"]:
+def jitter_of(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B T D"]:
     """Second difference over time, a measure of jitter; zero at both ends."""
     if values.shape[1] < 3:
         return torch.zeros_like(values)
