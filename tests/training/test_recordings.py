@@ -55,6 +55,12 @@ def example(tmp_path) -> Path:
     return folder
 
 
+def arrays_of(example: Path) -> dict[str, np.ndarray]:
+    """What the example recording holds, to be changed and written again."""
+    with np.load(example / "sequence.npz") as file:
+        return dict(file)
+
+
 @pytest.mark.parametrize("source", ["taco", "arctic", "grab", "h2o", "dexycb", "oakink2"])
 def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
     case = case_of(source)
@@ -83,8 +89,7 @@ def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
 
 
 def test_a_recording_is_cut_where_the_hand_is_near_and_seen(example, tmp_path):
-    with np.load(example / "sequence.npz") as file:
-        arrays = dict(file)
+    arrays = arrays_of(example)
     for name in ("hand_pose", "hand_trans", "hand_joints"):
         arrays[name][80:83] = np.nan
     np.savez(example / "sequence.npz", **arrays)
@@ -105,8 +110,7 @@ def test_a_recording_is_cut_where_the_hand_is_near_and_seen(example, tmp_path):
 
 
 def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
-    with np.load(example / "sequence.npz") as file:
-        arrays = dict(file)
+    arrays = arrays_of(example)
     arrays["obj_pose"][70] = np.nan
     np.savez(example / "sequence.npz", **arrays)
     (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30))
@@ -119,9 +123,7 @@ def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
 
 
 def test_other_frame_rates_are_brought_to_thirty(example, tmp_path):
-    with np.load(example / "sequence.npz") as file:
-        arrays = {**file, "fps": np.array(60.0)}
-    np.savez(example / "sequence.npz", **arrays)
+    np.savez(example / "sequence.npz", **arrays_of(example) | {"fps": np.array(60.0)})
     (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30))
     record = shard_record(shard)
     assert record is not None
@@ -130,9 +132,9 @@ def test_other_frame_rates_are_brought_to_thirty(example, tmp_path):
 
 
 def test_a_hand_of_keypoints_alone_is_given_a_pose(example, tmp_path):
-    with np.load(example / "sequence.npz") as file:
-        arrays = {name: file[name] for name in ("hand_joints", "obj_pose", "side", "fps")}
-    arrays = {name: v[60:80] if v.ndim > 1 else v for name, v in arrays.items()}
+    arrays = arrays_of(example)
+    kept = {name: arrays[name] for name in ("hand_joints", "obj_pose", "side", "fps")}
+    arrays = {name: v[60:80] if v.ndim > 1 else v for name, v in kept.items()}
     np.savez(example / "sequence.npz", **arrays)
     (shard,) = cut("sequences", example, tmp_path / "out")
     wanted = mirror_points(torch.from_numpy(arrays["hand_joints"]).float())
@@ -173,9 +175,9 @@ def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, cha
     (shard,) = cut("sequences", example, tmp_path / "out")
     config, made = SHORT, shard.stat().st_mtime_ns
     if change == "file":
-        with np.load(example / "sequence.npz") as file:
-            arrays = {name: v[:100] if v.ndim > 1 else v for name, v in file.items()}
-        np.savez(example / "sequence.npz", **arrays)
+        arrays = arrays_of(example).items()
+        fewer = {name: v[:100] if v.ndim > 1 else v for name, v in arrays}
+        np.savez(example / "sequence.npz", **fewer)
     elif change == "config":
         config = ClipConfig(shortest=6, longest=20, points=48)
     else:
@@ -193,9 +195,7 @@ def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, cha
 def test_clips_of_one_name_in_several_folders_are_all_cut(example, tmp_path):
     for number, part in enumerate(("x/1", "y/1", "x_1/one", "x/1_one")):
         shutil.copytree(example, tmp_path / "many" / part)
-        with np.load(example / "sequence.npz") as file:
-            arrays = {**file}
-        arrays["obj_pose"] = arrays["obj_pose"].copy()
+        arrays = arrays_of(example)
         arrays["obj_pose"][:, 0, 3] += number
         for name in ("hand_trans", "hand_joints"):
             arrays[name] = arrays[name] + np.float32([number, 0, 0])
@@ -222,8 +222,7 @@ def test_a_shard_is_made_again_where_its_mesh_has_changed(example, tmp_path):
 def test_a_shard_is_made_again_where_another_file_was_moved_to_its_place(example, tmp_path):
     (shard,) = cut("sequences", example, tmp_path / "out")
     place, before = example / "sequence.npz", read_shard(shard).wrist
-    with np.load(place) as file:
-        arrays = {**file}
+    arrays = arrays_of(example)
     for name in ("hand_trans", "hand_joints"):
         arrays[name] = arrays[name] + np.float32([0.01, 0, 0])
     np.savez(tmp_path / "other.npz", **arrays)
