@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass
 
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
 from geneoh.synthesis.contact_pads import PAD_OF_PALM
 
 CURLS = (0.2, 2.5)  # range of the curl (see `curled`) from person to person and grasp to grasp
@@ -102,3 +106,8 @@ GRASP_TYPES = (
     ),
 )
 """All types; `Grasps.types` are indices into them."""
+
+
+def of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
+    """A field of `GraspType` for each hand."""
+    return torch.tensor([getattr(each, name) for each in GRASP_TYPES], dtype=torch.float32)[types]

@@ -4,8 +4,9 @@ import torch
 from torch import Tensor
 
 from geneoh.hand.library import load_hand
+from geneoh.synthesis.grasp_checks import GraspChecks
 from geneoh.synthesis.grasp_types import GRASP_TYPES
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig, Grasps
+from geneoh.synthesis.grasps import GraspConfig, Grasps
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 
 ANY_GRASP = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))

@@ -10,9 +10,9 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics
 from geneoh.synthesis.contact_pads import BONE_RADIUS, contact_pads, hand_scale
+from geneoh.synthesis.grasp_checks import GraspChecks
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import (
-    GraspChecks,
     GraspConfig,
     Grasps,
     shifted_grips,

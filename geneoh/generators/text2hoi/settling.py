@@ -26,7 +26,8 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.contact_pads import OtherHands
-from geneoh.synthesis.grasps import GraspConfig, GraspEnergy, Grasps, settled_grasps
+from geneoh.synthesis.grasp_energy import GraspEnergy
+from geneoh.synthesis.grasps import GraspConfig, Grasps, settled_grasps
 from geneoh.synthesis.objects import scanned_object
 from geneoh.synthesis.scans import MeshFolder, build_scans
 from geneoh.synthesis.schedule import minimum_jerk
