@@ -22,7 +22,7 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.spread import joint_spread
 from geneoh.seeds import seed_of, seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
-from geneoh.synthesis.shards import SynthesisConfig
+from geneoh.synthesis.data_config import SynthesisConfig
 
 CLIPS, FRAMES = 5, 60
 """Number of clips and their length in frames."""

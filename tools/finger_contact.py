@@ -33,7 +33,7 @@ from geneoh.seeds import seed_of, seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.shards import SynthesisConfig
+from geneoh.synthesis.data_config import SynthesisConfig
 
 CLIPS, FRAMES = 10, 60
 """Number of made clips to calibrate on, and their length in frames."""

@@ -22,8 +22,8 @@ from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.scans import Scans, read_folder
-from geneoh.synthesis.shards import SynthesisConfig
 from tools.noisy_objects.clips import EXAMPLES, scans_of
 
 Error = Callable[[HandTrack, torch.Generator], HandTrack]

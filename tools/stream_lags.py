@@ -22,7 +22,7 @@ from geneoh.pipeline.stream import Stream
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.synthesis.shards import SynthesisConfig
+from geneoh.synthesis.data_config import SynthesisConfig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 FILTERS: tuple[tuple[FilterKind, Domain], ...] = (

@@ -18,8 +18,9 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt
 from geneoh.sequence.sequence import HandTrack
+from geneoh.synthesis.attempts import synthesize_shard
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.shards import SynthesisConfig, synthesize_shard
 
 FPS = 30.0
 CLIPS, FRAMES = 32, 120

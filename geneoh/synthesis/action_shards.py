@@ -13,18 +13,13 @@ from geneoh.streamed import Streamed
 from geneoh.synthesis.acting import ActingConfig, act
 from geneoh.synthesis.action_setups import stands_upright
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
+from geneoh.synthesis.attempts import draw_attempts, tried_grasps
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
 from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.shards import (
-    SynthesisConfig,
-    draw_attempts,
-    find_shards,
-    scans_of,
-    shard_record,
-    tried_grasps,
-)
+from geneoh.synthesis.shards import find_shards, scans_of, shard_record
 
 
 @dataclass(frozen=True)
@@ -108,7 +103,7 @@ def synthesize_actions(
 
 def action_shard(path: Path) -> Actions:
     """One shard; `InputError` if the file is no whole shard of actions."""
-    with whole_shard(path, DEFAULTS.kind, DEFAULTS.command) as (shard, _):
+    with whole_shard(path, DEFAULTS) as (shard, _):
         actions = Actions(**all_tensors(shard))
         refuse_damage(actions, {"verb": len(VERBS), "name": MOST_NAMES, "part": 2})
         refuse_lengths(actions.length, actions.joint.shape[1])

@@ -11,23 +11,22 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.errors import InputError
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors
+from geneoh.synthesis.data_config import ShardConfig
 
 LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
 @contextmanager
-def whole_shard(path: Path, kind: str, command: str) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """An opened shard and its record; `InputError` where the file, or the block, finds damage.
-
-    `kind` says what it holds, and `command` is what makes such shards.
-    """
+def whole_shard(path: Path, kind: ShardConfig) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """An opened shard of a kind and its record; `InputError` where the file, or the block, finds
+    damage."""
     try:
         with opened_tensors(path) as opened:
             yield opened
     except (OSError, DamagedTensorsError) as error:
         raise InputError(
-            f"{path}: expected a whole shard of {kind}, got {error}; delete it and run `{command}` "
-            "again, which makes what is missing"
+            f"{path}: expected a whole shard of {kind.kind}, got {error}; delete it and run "
+            f"`{kind.command}` again, which makes what is missing"
         ) from error
 
 

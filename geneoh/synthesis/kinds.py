@@ -8,11 +8,13 @@ from typing import Any
 from geneoh.choices import Unit
 from geneoh.errors import ConfigError
 from geneoh.progress import OnStep
-from geneoh.synthesis import action_shards
+from geneoh.synthesis import action_shards, shards
+from geneoh.synthesis.attempts import synthesize_shard
+from geneoh.synthesis.data_config import ShardConfig
 from geneoh.synthesis.gestures import shards as gesture_shards
 from geneoh.synthesis.gestures.manipulation import ActionSource
 from geneoh.synthesis.scans import find_scans
-from geneoh.synthesis.shards import ShardConfig, Source, SynthesisConfig, synthesize_shard
+from geneoh.synthesis.shards import Source
 
 
 @dataclass(frozen=True)
@@ -51,4 +53,4 @@ def kind_of_data(
     if actions:
         made = action_shards.synthesize_actions
         return DataKind(action_shards.DEFAULTS, made, scans)
-    return DataKind(SynthesisConfig(), synthesize_shard, scans)
+    return DataKind(shards.DEFAULTS, synthesize_shard, scans)

@@ -14,7 +14,7 @@ from geneoh.denoisers.relations import RelationConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
-from geneoh.synthesis.shards import SynthesisConfig
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.corruption import CorruptionConfig
 from geneoh.training.recordings import ClipConfig

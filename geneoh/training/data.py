@@ -23,11 +23,11 @@ from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
 from geneoh.seeds import seed_of
 from geneoh.streamed import Streamed
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.scans import FILE
 from geneoh.synthesis.shards import (
     ShardRecord,
-    SynthesisConfig,
     find_shards,
     read_shard,
     read_shards,

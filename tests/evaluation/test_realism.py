@@ -29,7 +29,8 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.shards import write_shards
 
 FRAMES = 2 * BLOCK + 4
 

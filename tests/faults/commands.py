@@ -11,7 +11,8 @@ from bad_inputs import write_good
 from made_grasps import ANY_GRASP
 from safetensors.torch import load
 
-from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.shards import write_shards
 
 HAND = ("hand.npz", "--obj", "object.obj")
 SMALL = ("shard=2", "points=64", "frames=62", "grasps.steps=1")

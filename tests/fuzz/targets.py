@@ -20,7 +20,8 @@ from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
-from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.shards import write_shards
 from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
 

@@ -15,8 +15,9 @@ from geneoh.synthesis.action_shards import (
     synthesize_actions,
 )
 from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.synthesis.shards import write_shards
 
 TINY = replace(DEFAULTS, count=4, shard=2, points=16, grasps=ANY_GRASP)
 

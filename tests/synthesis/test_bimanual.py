@@ -5,15 +5,16 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.attempts import draw_attempts
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
     bimanual_objects,
     grasp_directions,
     pair_hands,
 )
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.grasps import GraspConfig, Grasps, synthesize_grasps
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.shards import SynthesisConfig, draw_attempts
 from geneoh.synthesis.solids import Solids
 
 CONFIG = BimanualConfig()

@@ -8,12 +8,13 @@ from torch import Tensor
 from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
+from geneoh.synthesis.attempts import draw_attempts, tried_grasps
 from geneoh.synthesis.bimanual import grasp_directions
 from geneoh.synthesis.clearance import ClearanceConfig, MovingSolids, clear_ways
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.hand_motion import HandPath
 from geneoh.synthesis.motion import AnimationConfig, animate
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.shards import SynthesisConfig, draw_attempts, tried_grasps
 
 FRAMES = 12
 BESIDE = 0.5

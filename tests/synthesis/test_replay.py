@@ -11,12 +11,14 @@ from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
-from geneoh.synthesis import shards
+from geneoh.synthesis import attempts
+from geneoh.synthesis.attempts import Attempts
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.replay import Replay, replay_shard
-from geneoh.synthesis.shards import Attempts, SynthesisConfig, read_shard, write_shards
+from geneoh.synthesis.shards import read_shard, write_shards
 
 TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6, grasps=ANY_GRASP)
 
@@ -31,7 +33,7 @@ def folder(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("data")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(shards, "synthesize_grasps", picky)
+        patch.setattr(attempts, "synthesize_grasps", picky)
         write_shards(folder, TINY, seed=3)
     return folder
 

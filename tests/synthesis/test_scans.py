@@ -17,6 +17,8 @@ from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import scans as module
+from geneoh.synthesis.attempts import draw_attempts, tried_grasps
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.scans import (
@@ -28,14 +30,7 @@ from geneoh.synthesis.scans import (
     read_scans,
     write_scans,
 )
-from geneoh.synthesis.shards import (
-    SynthesisConfig,
-    draw_attempts,
-    read_shards,
-    shard_record,
-    tried_grasps,
-    write_shards,
-)
+from geneoh.synthesis.shards import read_shards, shard_record, write_shards
 from geneoh.synthesis.surface import mesh_of
 
 TINY = SynthesisConfig(count=16, frames=8, points=32, shard=8, grasps=ANY_GRASP)

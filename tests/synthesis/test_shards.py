@@ -16,20 +16,20 @@ from safetensors.torch import load_file, save_file
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.seeds import seed_of
-from geneoh.synthesis import shards
+from geneoh.synthesis import attempts
 from geneoh.synthesis.action_shards import read_actions
+from geneoh.synthesis.attempts import synthesize_shard
 from geneoh.synthesis.bimanual import BimanualConfig
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import (
     ShardRecord,
-    SynthesisConfig,
     differences,
     read_shards,
     shard_record,
-    synthesize_shard,
     write_shards,
 )
 
@@ -87,13 +87,13 @@ def test_an_interrupted_run_makes_only_what_is_missing(tmp_path):
 
 
 def test_held_out_families_are_in_validation_shards_only(tmp_path, monkeypatch):
-    drawn, draw = [], shards.draw_objects
+    drawn, draw = [], attempts.draw_objects
 
     def listening(families, **rest):
         drawn.append(families)
         return draw(families, **rest)
 
-    monkeypatch.setattr(shards, "draw_objects", listening)
+    monkeypatch.setattr(attempts, "draw_objects", listening)
     config = replace(TINY, count=16)
     write_shards(tmp_path, config, seed=0)
     validation, *training = drawn
@@ -112,7 +112,7 @@ def test_a_shard_is_filled_from_the_grasps_that_were_kept(monkeypatch):
         kept[: len(calls) - 1] = True  # none, one, two
         return replace(grasps, kept=kept)
 
-    monkeypatch.setattr(shards, "synthesize_grasps", choosy)
+    monkeypatch.setattr(attempts, "synthesize_grasps", choosy)
     generator = seeded()
     made = synthesize_shard(TINY, ["box"], generator=generator)
     assert len(calls) == 3

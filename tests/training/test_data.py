@@ -11,9 +11,10 @@ from made_grasps import ANY_GRASP
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.streamed import Streamed
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.shards import SynthesisConfig, shard_record, write_shards
+from geneoh.synthesis.shards import shard_record, write_shards
 from geneoh.training.data import (
     DataSource,
     Portion,

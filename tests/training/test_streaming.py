@@ -12,9 +12,10 @@ from stage_runs import train_stage
 from geneoh.bundle import concatenated
 from geneoh.errors import InputError
 from geneoh.streamed import Streamed
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.shards import ShardRecord, SynthesisConfig, read_shards, write_clips
+from geneoh.synthesis.shards import ShardRecord, read_shards, write_clips
 from geneoh.training.data import DataSource, evened, training_data
 from geneoh.training.stages import data_digest
 from geneoh.training.windows import WeightedInteractions, draw_windows

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from made_grasps import ANY_GRASP
 
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import NoFirstGraspsError, replay_shard
-from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.synthesis.shards import write_shards
 from geneoh.viz import sheet
 from geneoh.viz.canvas import SCALE_HEIGHT
 from geneoh.viz.sheet import SHEET_GAP, TEXT_HEIGHT, contact_sheet, grasp_scene, one_of_each

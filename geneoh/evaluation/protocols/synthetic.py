@@ -18,11 +18,11 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.grasps import Grasps, synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.shards import SynthesisConfig
 from geneoh.synthesis.solids import PARTS, Solids
 from geneoh.synthesis.surface import mesh_of
 

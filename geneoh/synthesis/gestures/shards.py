@@ -11,6 +11,7 @@ from geneoh.bundle import concatenated
 from geneoh.config import check_limits
 from geneoh.files.tensors import all_tensors
 from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
+from geneoh.synthesis.data_config import ShardConfig
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.manipulation import ActionSource
@@ -18,7 +19,7 @@ from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.stance import BODIES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing, handling
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
-from geneoh.synthesis.shards import ShardConfig, find_shards
+from geneoh.synthesis.shards import find_shards
 
 TEXTS = ("left", "right", "joined")
 """Fields of `Gestures` that are text, which the record of a shard holds."""
@@ -88,7 +89,7 @@ def synthesize_gestures(
 
 def gesture_shard(path: Path) -> Gestures:
     """One shard; `InputError` if the file is no whole shard of bodies."""
-    with whole_shard(path, DEFAULTS.kind, DEFAULTS.command) as (shard, record):
+    with whole_shard(path, DEFAULTS) as (shard, record):
         held: dict[str, Any] = dict(all_tensors(shard))
         held |= {name: np.array(record[name]) for name in TEXTS}
         clips = Gestures(**held)
