@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import get_args
 
-from typing_extensions import assert_never
-
 from geneoh.baselines.regression import RegressionConfig, RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder, TochConfig
 from geneoh.choices import BaselineName
@@ -24,10 +22,6 @@ def baseline_weights(name: BaselineName, folder: Path | None) -> Path:
 def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
     """The network of a baseline that `geneoh eval` scores, the shipped one by default."""
     path = (folder or SHIPPED) / f"{name}.safetensors"
-    match name:
-        case "toch":
-            return load_network(path, TochAutoencoder, TochConfig)
-        case "regression":
-            return load_network(path, RegressionDenoiser, RegressionConfig)
-        case _:
-            assert_never(name)
+    if name == "toch":
+        return load_network(path, TochAutoencoder, TochConfig)
+    return load_network(path, RegressionDenoiser, RegressionConfig)

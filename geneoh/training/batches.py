@@ -11,7 +11,7 @@ from geneoh.bundle import Bundle
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
-from geneoh.diffusion.samplers import denoise_via_diffusion
+from geneoh.diffusion.samplers import ddim, reverse_process
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import HandParameters
@@ -114,13 +114,6 @@ def after_motion(
         level = x.new_full((len(x),), sigma).to(device)
         return model(x.to(device), level, there).to(x)
 
-    given = observed.hand.wrist.new_zeros(*observed.trust.shape, 51)
-    return denoise_via_diffusion(
-        clean,
-        given,
-        descending_sigmas(config.motion_level, config.motion_steps),
-        sampler="ddim",
-        samples=1,
-        generator=draws.generator,
-        noise=draws.normal(*given.shape[1:]).to(given),
-    )
+    sigmas = descending_sigmas(config.motion_level, config.motion_steps)
+    noise = draws.normal(observed.trust.shape[1], 51).to(observed.hand.wrist)
+    return reverse_process(clean, sigmas[0] * noise, sigmas, ddim)

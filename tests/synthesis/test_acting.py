@@ -21,17 +21,7 @@ from geneoh.synthesis.objects import FAMILIES, draw_objects
 from geneoh.synthesis.solids import Solids
 
 FAMILY = ["mug", "box", "bottle", "cylinder", "bowl", "hammer", "carton", "laptop"]
-CALM = HandMotionConfig(
-    reach_frames=(14.0, 22.0),
-    opening_frames=(8.0, 14.0),
-    wrist_delay=0.05,
-    lift_share=0.0,
-    repeat_share=0.0,
-    tremor=0.0,
-    open_tremor=0.0,
-    shift_noise=0.0,
-    turn_noise=0.0,
-)
+CALM = replace(ActingConfig().hand, tremor=0.0, open_tremor=0.0, shift_noise=0.0, turn_noise=0.0)
 
 
 def held_from_above(count: int, kind: str = "power") -> tuple[Grasps, Solids, list[str]]:

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -15,7 +16,6 @@ from geneoh.synthesis.action_shards import (
     synthesize_actions,
 )
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import write_shards
 
@@ -27,14 +27,20 @@ def numbers(actions: Streamed[Actions]) -> list[int]:
     return actions.each(lambda shard: shard.name).tolist()
 
 
-def test_shards_read_back_with_the_names_of_their_objects(tmp_path):
-    made = write_shards(tmp_path, TINY, seed=0, synthesize=synthesize_actions)
-    assert made == 2
-    actions, names = read_actions(tmp_path, "train")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A training and a validation shard."""
+    folder = tmp_path_factory.mktemp("actions")
+    assert write_shards(folder, TINY, seed=0, synthesize=synthesize_actions) == 2
+    return folder
+
+
+def test_shards_read_back_with_the_names_of_their_objects(folder):
+    actions, names = read_actions(folder, "train")
     assert len(actions) == 2
     assert names == list(FAMILIES)
     assert {names[i] for i in numbers(actions)}.isdisjoint(TINY.held_out)
-    held_out, _ = read_actions(tmp_path, "val")
+    held_out, _ = read_actions(folder, "val")
     assert {names[i] for i in numbers(held_out)} <= set(TINY.held_out)
 
 
@@ -49,28 +55,19 @@ def test_shards_that_do_not_say_how_many_families_there_were_have_the_former_nam
     assert names_of_shard(path) == list(FAMILIES)
 
 
-def test_the_same_seed_makes_the_same_actions(tmp_path):
-    for folder in ("one", "other"):
-        write_shards(tmp_path / folder, TINY, seed=3, synthesize=synthesize_actions)
-    one, other = ((tmp_path / f / "train_00001.safetensors").read_bytes() for f in ("one", "other"))
+def test_the_same_seed_makes_the_same_actions(folder, tmp_path):
+    write_shards(tmp_path, TINY, seed=0, synthesize=synthesize_actions)
+    one, other = ((f / "train_00001.safetensors").read_bytes() for f in (folder, tmp_path))
     assert one == other
 
 
-def test_hands_have_the_mean_shape_and_absent_ones_are_zero(tmp_path):
-    write_shards(tmp_path, TINY, seed=0, synthesize=synthesize_actions)
-    actions = read_actions(tmp_path, "train")[0].take(slice(None))
+def test_hands_have_the_mean_shape_and_absent_ones_are_zero(folder):
+    actions = read_actions(folder, "train")[0].take(slice(None))
     absent = ~actions.hands
     assert (actions.wrist[absent] == 0).all()
     assert (actions.pose[absent] == 0).all()
     assert (actions.wrist[actions.hands].abs().amax((-1, -2)) > 0).all()
     assert torch.isfinite(actions.pose).all()
-
-
-def test_shards_to_clean_are_no_actions(tmp_path):
-    config = SynthesisConfig(count=2, shard=1, frames=20, points=8, grasps=ANY_GRASP)
-    write_shards(tmp_path, config, seed=0)
-    with pytest.raises(InputError, match="expected actions, got interactions"):
-        read_actions(tmp_path, "train")
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from draws import seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.synthesis.action_shards import JOINTED
 from geneoh.synthesis.objects import FAMILIES, draw_objects
 from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, TORUS, Solids
 
@@ -176,9 +177,6 @@ def test_objects_and_points_depend_on_the_generator_alone():
     points = [first.surface_points(16, generator=seeded(s))[0] for s in (1, 1, 2)]
     assert torch.equal(points[0], points[1])
     assert not torch.equal(points[0], points[2])
-
-
-JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer", "matchbox", "plunger")
 
 
 def test_jointed_families_have_a_second_part_and_others_none():

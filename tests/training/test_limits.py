@@ -14,6 +14,9 @@ from geneoh.generators.text2hoi.length_training import LengthTrainConfig
 from geneoh.generators.text2hoi.text_training import TextTrainConfig
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.config import TrainConfig
+from geneoh.training.corruption import CorruptionConfig
+from geneoh.training.recordings import ClipConfig
+from geneoh.training.windows import WindowConfig
 
 CONFIGS = (
     *(TrainConfig(), Text2HoiConfig(), LengthTrainConfig(), TextTrainConfig(), Both2HandsConfig()),
@@ -46,12 +49,34 @@ def test_numbers_that_no_setting_has_are_refused(config):
     [
         (Text2HoiConfig().contact, "latent"),
         (TrainConfig().motion, "depth"),
-        (TrainConfig(), "batch"),
+        *((TrainConfig(), name) for name in ("batch", "steps", "warmup", "accumulate")),
+        *((TrainConfig(), f"{what}_every") for what in ("validate", "checkpoint")),
+        (TrainConfig(), "validation_batches"),
+        (CorruptionConfig(), "gaps"),
     ],
 )
-def test_networks_and_batches_are_not_empty(config, name):
+def test_networks_batches_and_runs_are_not_empty(config, name):
     with pytest.raises(ConfigError, match=f"'{name}' must be .*, got 0; correct the value"):
         replace(config, **{name: 0})
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (TrainConfig, {"ema": 1.5}),
+        (TrainConfig, {"clip": 0.0}),
+        (WindowConfig, {"frames": 1}),
+        (WindowConfig, {"short_share": 2.0}),
+        (ClipConfig, {"shortest": 1}),
+        (CorruptionConfig, {"gap_frames": (10, 2)}),
+        (CorruptionConfig, {"translation": (0.0, 0.01)}),
+        (CorruptionConfig, {"clean_share": 7.0}),
+    ],
+)
+def test_numbers_beyond_the_limits_of_their_setting_are_refused(kind, wrong):
+    ((name, _),) = wrong.items()
+    with pytest.raises(ConfigError, match=f"{kind.__name__}: '{name}' must "):
+        kind(**wrong)
 
 
 def test_a_text_encoder_has_a_class_for_all_that_sentences_name():

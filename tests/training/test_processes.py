@@ -70,8 +70,8 @@ def started(rank, count, port, task, arguments, ended):
     ended.put((rank, told))
 
 
-def together(count, task, *arguments) -> list:
-    """What a task returns or raises in each process of a team."""
+def told_by(count, task, *arguments, tell: int) -> dict:
+    """What a task returns or raises in `tell` processes of a team, by their ranks."""
     ended, port = CLEAN.Queue(), free_port()
     processes = [
         CLEAN.Process(target=started, args=(rank, count, port, task, arguments, ended))
@@ -79,9 +79,15 @@ def together(count, task, *arguments) -> list:
     ]
     for process in processes:
         process.start()
-    told = dict(ended.get(timeout=300) for _ in processes)
+    told = dict(ended.get(timeout=300) for _ in range(tell))
     for process in processes:
         process.join(10)
+    return told
+
+
+def together(count, task, *arguments) -> list:
+    """What a task returns or raises in each process of a team."""
+    told = told_by(count, task, *arguments, tell=count)
     return [told[rank] for rank in range(count)]
 
 
@@ -184,15 +190,7 @@ def leaving(team):
 
 
 def test_a_process_that_is_killed_is_told_of():
-    ended, port = CLEAN.Queue(), free_port()
-    both = [
-        CLEAN.Process(target=started, args=(rank, 2, port, leaving, (), ended)) for rank in range(2)
-    ]
-    for process in both:
-        process.start()
-    rank, (name, words, _) = ended.get(timeout=300)
-    for process in both:
-        process.join(10)
+    ((rank, (name, words, _)),) = told_by(2, leaving, tell=1).items()
     assert (rank, name) == (0, "GeneOHError")
     assert "ended without an error message" in words
 
