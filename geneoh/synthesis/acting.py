@@ -21,6 +21,7 @@ from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
     HandPath,
     draw_phases,
+    grip_motion,
     hand_motions,
 )
 from geneoh.synthesis.object_motion import Standing, held_part
@@ -278,13 +279,7 @@ def hand_ways(
     """A function that draws, for the hands of the given numbers, how they come, hold their grasp
     and leave, in the frame of what they hold.
     """
-    shape = (len(standing), schedule.frames)
-    turn = axis_angle_to_matrix(grasps.pose[:, 0])
-    held = HandPath(
-        grasps.wrist[:, None].expand(*shape, 3),
-        turn[:, None].expand(*shape, 3, 3),
-        grasps.pose[:, None, 1:].expand(*shape, 15, 3),
-    )
+    every = torch.ones(len(standing), dtype=torch.bool)
+    held = grip_motion(grasps, None, schedule, every, config.hand, draws)
     phases = draw_phases(schedule, config.hand, draws)
-    upright = Standing(standing, torch.ones(len(standing), dtype=torch.bool))
-    return hand_motions(held, upright, phases, config.hand, draws.generator)
+    return hand_motions(held, Standing(standing, every), phases, config.hand, draws.generator)
