@@ -6,7 +6,6 @@ import pytest
 import torch
 from made_actions import NAMES, WordEncoder, made_actions, passing
 from made_networks import TINY, in_paper_form, tiny_data, tiny_task
-from stage_runs import Interrupted, stop_after
 
 from geneoh.errors import CheckpointError
 from geneoh.generators.text2hoi.condition import Condition
