@@ -29,7 +29,7 @@ def unmoved(monkeypatch):
 
     def same(run, surface, poses, near, chosen, fps, **more):
         noise = torch.randn(2, *run.subject.joints.shape, generator=run.generator)
-        return run.subject.joints + 0.001 * noise
+        return run.subject.joints + 0.001 * noise, near
 
     none = object.__new__(Denoisers)
     monkeypatch.setattr(stream_module, "load_denoisers", lambda *given, **more: none)
