@@ -131,7 +131,7 @@ def recorded_points(source, root, s, frames):
     meshes = {
         "grab": lambda: (read_mesh(root / "tools/object_meshes/contact_meshes/mug.ply"),),
         "h2o": lambda: (read_mesh(root / "object/milk/milk.obj"),),
-        "arctic": lambda: tuple(read_parts(folder.parent, "box")[0].values()),
+        "arctic": lambda: tuple(read_parts(folder.parent / "box")[0].values()),
     }[source]()
     surface = Surface.of(meshes, POINTS)
     points, part = surface.points.double().numpy(), surface.part.numpy()
