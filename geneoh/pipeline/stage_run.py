@@ -77,7 +77,8 @@ class StageRun:
                 relied=poses,
             )
             samples, width = self.samples(context, chosen)
-            near = near * evidence_of_place(width)
+            if width is not None:
+                near = near * evidence_of_place(width)
         if samples is None or bool((near * poses < 1).any()):
             alone = replace(hand_alone(self.subject, fps), ray=ray)
             free, _ = self.samples(alone, chosen.alone())
@@ -87,10 +88,10 @@ class StageRun:
 
     def samples(
         self, context: StageContext, preset: Preset
-    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
         """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch.
 
-        Also the deviation of the place that SpatialDiff finds, metres; zero where it is not asked.
+        Also the deviation of the place that SpatialDiff finds, metres; None where it is not asked.
 
         Raises:
             CheckpointError: a network answers with NaN or infinity, or with a hand far away.
@@ -98,8 +99,7 @@ class StageRun:
         if preset.observed:
             joints, width = self._by_parameters(context, preset)
         else:
-            joints = self._by_paper(context, preset)
-            width = torch.zeros_like(joints[0, :, 0, 0])
+            joints, width = self._by_paper(context, preset), None
         if isinstance(preset.temporal, DirectPlan):
             joints = denoise_temporal(
                 self.denoisers.temporal,
@@ -118,7 +118,7 @@ class StageRun:
 
     def _by_parameters(
         self, context: StageContext, preset: Preset
-    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
         """MotionDiff and SpatialDiff on hand parameters."""
         given = self.given
         observed = HandParameters(
@@ -136,11 +136,12 @@ class StageRun:
                 on_step=self.progress_of("motion"),
             )
             hand.map(finite_output)
-        placed = Placed(hand, torch.zeros_like(hand.wrist[0, :, 0]))
+        width = None
         if isinstance(preset.spatial, PlacePlan):
             placed = self.placed(observed, hand, context, preset.spatial)
-        parts = [placed.hand[frames].joints for frames in blocks(context.frames)]
-        return torch.cat(parts, dim=1), placed.width
+            hand, width = placed.hand, placed.width
+        parts = [hand[frames].joints for frames in blocks(context.frames)]
+        return torch.cat(parts, dim=1), width
 
     def placed(
         self,

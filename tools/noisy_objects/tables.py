@@ -53,12 +53,9 @@ def cases_of(table: str, seeds: int) -> list[Case]:
             clips = tuple(SHAKEN + name for name in made)
             every = product(range(seeds), clips, noises, ("exact", "shaky_2", "shaky_10"))
             return [Case(c, n, k, s) for s, c, n, k in every]
-        case "beside":
-            clips = tuple(BESIDE + name for name in made)
-            every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
-            return [Case(c, n, k, s) for s, c, n, k in every]
-        case "hovering":
-            clips = tuple(HOVERING + name for name in (RECORDING, "drawer", "bottle"))
+        case "beside" | "hovering":
+            near = (HOVERING + name for name in (RECORDING, "drawer", "bottle"))
+            clips = near if table == "hovering" else (BESIDE + name for name in made)
             every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
             return [Case(c, n, k, s) for s, c, n, k in every]
         case "alone":
