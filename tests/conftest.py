@@ -9,7 +9,9 @@ import pytest
 import torch
 from hypothesis import settings
 from pretended_device import DEVICE, PretendedDevice
-from shape_checks import begin_test
+from shape_checks import begin_test, check_first_calls
+
+check_first_calls()
 
 # The tests' tensors are small: more threads only wait for each other.
 torch.set_num_threads(1)

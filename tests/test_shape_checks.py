@@ -2,14 +2,15 @@
 
 import pytest
 import torch
-from jaxtyping import Float, TypeCheckError, jaxtyped
-from shape_checks import CALLS, first_calls
+from beartype import beartype
+from jaxtyping import Float, TypeCheckError
+from shape_checks import CALLS, jaxtyped
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
-@jaxtyped(typechecker=first_calls)
+@jaxtyped(typechecker=beartype)
 def length(vector: Float[Tensor, " 3"]) -> Float[Tensor, ""]:
     """The length of a vector of space."""
     return vector.norm()

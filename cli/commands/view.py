@@ -62,13 +62,15 @@ def view(
 
     from geneoh.errors import InputError
     from geneoh.geometry.mesh import size_warning
+    from geneoh.hand.mano import refuse_without_mano
     from geneoh.viz.look import Look
     from geneoh.viz.outputs import check_scene_outputs, refuse_formats, write
     from geneoh.viz.view import open_scene
 
     outputs = outputs or (files[0].with_suffix(".html"),)
     refuse_unused(outputs, serve=serve)
-    refuse_without_mano(chosen["mano"])
+    if "mano" in options.on_command_line():
+        refuse_without_mano(chosen["mano"])
     if not serve:  # which finds meshes by name
         options.refuse_unit_without(obj)
     given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
@@ -119,15 +121,3 @@ def refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
         options.refuse(["frames", "cell"], "needs a filmstrip, -o NAME.png")
     if not endings & {".png", ".mp4", ".gif"}:
         options.refuse(["colouring"], "needs a picture or a film, -o NAME.png, .mp4 or .gif")
-
-
-def refuse_without_mano(folder: Path | None) -> None:
-    """`MissingAssetError` for a folder that the command line names and that holds no MANO file."""
-    from geneoh.errors import MissingAssetError
-    from geneoh.hand.mano import find_mano
-
-    if "mano" in options.on_command_line():
-        try:
-            find_mano("left", folder)
-        except MissingAssetError:
-            find_mano("right", folder)

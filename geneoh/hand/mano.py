@@ -98,6 +98,14 @@ def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
     raise MissingAssetError(f"{root / name}: expected this file and found none; {advice}")
 
 
+def refuse_without_mano(folder: Path | str) -> None:
+    """`MissingAssetError` for a folder that holds the file of neither side."""
+    try:
+        find_mano("left", folder)
+    except MissingAssetError:
+        find_mano("right", folder)
+
+
 def translation_from_wrist(
     model: HandModel, betas: Float[Tensor, "*#B S"], wrist: Float[Tensor, "*#B 3"]
 ) -> Float[Tensor, "*B 3"]:

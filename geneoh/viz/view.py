@@ -13,6 +13,7 @@ from torch import Tensor
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.config import as_field_type, checked_call
 from geneoh.files.atomic import write_whole
+from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples, no_result
 from geneoh.progress import OnStep
@@ -76,13 +77,15 @@ def view(
             file that geneoh did not write, the ending is of no format, the mesh that a
             file names is not there any more, or the numbers of frames differ.
         ConfigError: a colouring or an axis that does not exist, or frames that are no numbers.
-        MissingAssetError: a film without ffmpeg.
+        MissingAssetError: a film without ffmpeg, or a `mano_dir` without MANO's files.
     """
     refuse_others(result, "result")
     if before is not None:
         refuse_others(before, "before")
     chosen = tuple(frames) if isinstance(frames, Iterable) else frames
     chosen = as_field_type(chosen, tuple[int, ...], "geneoh.view", "frames")
+    if mano_dir is not None:
+        refuse_without_mano(mano_dir)
     look = Look(colouring=colouring, up=up or "z", frames=chosen, cell=cell)
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if path is not None:

@@ -1,53 +1,66 @@
 """Types and shapes of calls, checked in the first calls of each function in each test.
 
-A check takes longer than most functions of the library: a test that calls one a thousand times
-would wait for its checks above all.
+A check takes longer than most functions of the library, and jaxtyping takes time at every call that
+it sees, and where a function is made: a test that calls one a thousand times would wait for its
+checks above all. So jaxtyping sees the first calls alone.
 """
 
+import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import jaxtyping
-from beartype import beartype
 
 CALLS = 3  # calls of each function that are checked in each test
-LIMIT = 20_000
-"""Calls and results of a test after which jaxtyping is switched off until the next test: it takes
-time at every call, whether shapes are then checked or not."""
+MARK = "_first_calls_are_checked"
+
+by_jaxtyping = jaxtyping.jaxtyped
 
 
-class _Test:
-    """The test that runs: its number, and how many calls and results it has had."""
-
-    number, seen = 0, 0
+_calls: dict[int, int] = {}
+"""How many calls of each function the test that runs has had, by the id of the function's code:
+those that a call of another one makes anew share it."""
 
 
 def begin_test() -> None:
     """Check the next calls of every function again."""
-    _Test.number, _Test.seen = _Test.number + 1, 0
-    jaxtyping.config.update("jaxtyping_disable", False)
+    _calls.clear()
 
 
-def first_calls(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A type checker for jaxtyping, which calls what this returns to check a call or its result.
+def check_first_calls() -> None:
+    """Check the first calls alone, in what jaxtyping's import hook decorates from now on."""
+    jaxtyping.jaxtyped = jaxtyped
 
-    It is beartype's check of `function`, made at the first call: making it takes milliseconds, and
-    a process that runs tests calls few of all functions.
-    """
-    check: Callable[..., Any] | None = None
-    test, calls = 0, 0
 
-    def checked(*args: Any, **kwargs: Any) -> Any:
-        nonlocal check, test, calls
-        if test != _Test.number:
-            test, calls = _Test.number, 0
-        calls += 1
-        _Test.seen += 1
-        if _Test.seen > LIMIT:
-            jaxtyping.config.update("jaxtyping_disable", True)
-        if calls > CALLS:
-            return None
-        check = check or beartype(function)
-        return check(*args, **kwargs)
+def jaxtyped(*, typechecker: Callable[..., Any]) -> Callable[[Any], Any]:
+    """What jaxtyping's decorator of this name does, in the first calls of each test."""
 
-    return checked
+    def decorate(made: Any) -> Any:
+        if not isinstance(made, type):
+            return _checked(made, typechecker)
+        if dataclasses.is_dataclass(made) and not hasattr(made.__init__, MARK):
+            made.__init__ = _checked(made.__init__, typechecker)
+        return made
+
+    return decorate
+
+
+def _checked(function: Callable[..., Any], typechecker: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, which jaxtyping wraps when its first call is checked."""
+    key = id(function.__code__)
+    by_type: Callable[..., Any] | None = None
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        nonlocal by_type
+        __tracebackhide__ = True
+        calls = _calls.get(key, 0)
+        if calls >= CALLS:
+            return function(*args, **kwargs)
+        _calls[key] = calls + 1
+        by_type = by_type or by_jaxtyping(function, typechecker=typechecker)
+        return by_type(*args, **kwargs)
+
+    setattr(call, MARK, True)
+    return call

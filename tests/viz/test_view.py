@@ -11,7 +11,7 @@ import pytest
 from pages import page_scene
 from PIL import Image
 
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
@@ -93,6 +93,11 @@ def test_a_sequence_without_hands_is_refused(sequences, tmp_path):
 def test_an_ending_of_no_format_is_refused_before_the_work(sequences, tmp_path):
     with pytest.raises(InputError, match=r"got '\.avi'"):
         view(sequences[1], tmp_path / "clip.avi")
+
+
+def test_a_folder_without_mano_is_refused(sequences, tmp_path):
+    with pytest.raises(MissingAssetError, match=r"MANO_RIGHT\.pkl: expected this file"):
+        view(sequences[0], tmp_path / "page.html", mano_dir=tmp_path)
 
 
 @pytest.mark.parametrize("cell", [5, 4096])
