@@ -58,7 +58,7 @@ def streamed(folder: Path) -> Tensor:
 
 def generated(folder: Path) -> Tensor:
     options = geneoh.GenerateOptions(frames=10, steps=1, draws=1)
-    made = geneoh.generate("lift the mug with the left hand", OBJ, options)
+    made = geneoh.generate("press the mug with the left hand", OBJ, options)
     return made.sequence.hands[0].joints
 
 

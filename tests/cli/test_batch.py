@@ -84,7 +84,7 @@ def heeds_ctrl_c() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no such signal")
 def test_ctrl_c_ends_the_workers_and_keeps_what_is_done(geneoh, tmp_path):
-    fake_cleaning.write_clips(tmp_path / "in", 5)
+    fake_cleaning.write_clips(tmp_path / "in", 4)
     (script,) = entry_points(group="console_scripts", name="geneoh")
     code = f"from {script.module} import cli\nif __name__ == '__main__':\n    cli()\n"
     (tmp_path / "run.py").write_text(code)

@@ -30,24 +30,22 @@ def faked(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_small_grid_is_measured_from_end_to_end(geneoh, tmp_path, monkeypatch):
+def test_a_point_is_measured_from_end_to_end(geneoh, tmp_path, monkeypatch):
     monkeypatch.setattr("geneoh_cli.commands.bench.Point", partial(Point, frames=4))
-    result = geneoh(*QUICK, "--batch", "2", "--by", "processor", "--plot", "b.png")
+    result = geneoh(*QUICK, "--by", "processor", "--plot", "b.png")
     assert "wrote bench.json and b.png" in result.output
     held = json.loads((tmp_path / "bench.json").read_text())
     assert held["generator"] == "geneoh bench"
     assert {"cores", "gpus", "versions", "weights"} == set(held["environment"])
-    assert [(r["asked"]["frames"], r["asked"]["clips"]) for r in held["points"]] == [
-        *[(4, 1), (4, 2)]
-    ]
-    for record in held["points"]:
-        found = record["found"]
-        assert set(found) == {"whole", "motion", "spatial", "temporal", "fit"}
-        for part in found.values():
-            assert 100 < part["peak_mb"] <= found["whole"]["peak_mb"] < 4000
-            assert 0 < part["processor"] <= found["whole"]["processor"]
+    (record,) = held["points"]
+    assert (record["asked"]["frames"], record["asked"]["clips"]) == (4, 1)
+    found = record["found"]
+    assert set(found) == {"whole", "motion", "spatial", "temporal", "fit"}
+    for part in found.values():
+        assert 100 < part["peak_mb"] <= found["whole"]["peak_mb"] < 4000
+        assert 0 < part["processor"] <= found["whole"]["processor"]
     monkeypatch.setattr(measure, "__file__", "nothing.py")
-    again = geneoh(*QUICK, "--batch", "2", "--by", "processor")
+    again = geneoh(*QUICK, "--by", "processor")
     assert again.output.replace("bench.json", "") in result.output.replace(
         "bench.json and b.png", ""
     )

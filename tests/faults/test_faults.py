@@ -12,7 +12,7 @@ REPOSITORY = Path(__file__).parents[2]
 @pytest.mark.slow
 def test_nothing_is_lost_by_failing_writes_kills_and_second_runs():
     command = [sys.executable, "-W", "ignore", "-m", "tests.faults"]
-    command += ["--kills", "1", "--every", "10"]
+    command += ["--kills", "1", "--every", "20"]
     command += ["--kind", "disk full", "--kind", "interrupted"]
     command += [word for name in ("denoise", "convert", "corrupt") for word in ("--command", name)]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)

@@ -78,11 +78,14 @@ def warm(targets: list[Target], folder: Path) -> bytes:
     """Import all that sound files of every target make the command import; the last result.
 
     The commands run in children, which report what they imported: this process must not start
-    threads.
+    threads. Other commands, such as `view`, run once for each thing that they write.
     """
-    once, result = {target.root: target for target in targets}, b""
+    once, result, seen = {target.root: target for target in targets}, b"", set[tuple[str, str]]()
     for target in once.values():
-        for command in (target.command, *target.others):
+        others = {(words[0], written(words)): words for words in target.others}
+        new = [words for key, words in others.items() if key not in seen]
+        seen.update(others)
+        for command in (target.command, *new):
             out = folder / "out"
             shutil.rmtree(out, ignore_errors=True)
             out.mkdir()
@@ -96,6 +99,11 @@ def warm(targets: list[Target], folder: Path) -> bytes:
             gc.freeze()  # so that the children copy fewer pages
             result = (out / "clean.npz").read_bytes() if (out / "clean.npz").exists() else result
     return result
+
+
+def written(words: tuple[str, ...]) -> str:
+    """The file that a command writes."""
+    return words[words.index("-o") + 1]
 
 
 def reporting(run: Callable[[], None], report: Path) -> Callable[[], None]:
