@@ -18,7 +18,9 @@ from torch import Tensor
 from geneoh.errors import numbered
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.objects.cleaning import ObjectExamination
+from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
 
@@ -59,6 +61,9 @@ AROUND_TOUCH = 30.0
 CLEAR, UNCLEAR = 0.016, 0.020
 """Deviation in metres of the place where contact shows the hand to be: up to the first it holds or
 touches the object, from the second on contact tells nothing."""
+SPUN, WHEEL = 0.75, 1.0
+"""Turns in the palm about `AROUND_TOUCH`: up to the first fingers may turn what they hold, from the
+second on it spins like a wheel, over which even a hand at its axle slides."""
 UNPROVEN = 3.0
 """Frames of a moving object in which the hand is taken to touch it before any is seen."""
 
@@ -124,7 +129,8 @@ def evidence_of_nearness(
     ray: Float[Tensor, "T 3"] | None = None,
 ) -> Float[Tensor, " T"]:
     """How far a hand deals with its object, 0 to 1: not at all where it never comes near, in no
-    frame in which it is apart from it, and not where it moves beside it without touching it.
+    frame in which it is apart from it, and not where it moves beside it without touching it, or
+    while all of it spins in the hand.
 
     `ray` is the unit direction from the camera to the hand, along which the hand may be far off.
     """
@@ -135,7 +141,8 @@ def evidence_of_nearness(
     # wholly without it where the hand is apart, as the object may be metres away a moment later
     least = minimum_filter1d(beside, 2 * round(2 * fade) + 1, mode="nearest")
     smooth = gaussian_filter1d(least, fade, mode="nearest")
-    return float(deals) * torch.from_numpy(smooth).to(joints) * touching(joints, surface, fps, ray)
+    near = float(deals) * torch.from_numpy(smooth).to(joints)
+    return near * touching(joints, surface, fps, ray) * gripping(joints, surface, fps)
 
 
 def touching(
@@ -166,6 +173,24 @@ def touching(
     least = minimum_filter1d(nearest, 2 * round(AROUND_TOUCH * fps / 30) + 1, mode="nearest")
     off = torch.from_numpy(np.maximum(mean, least))
     return share_between(off, TOUCHING, OFF).to(joints)
+
+
+def gripping(
+    joints: Float[Tensor, "T 21 3"], surface: MovingSurface, fps: float
+) -> Float[Tensor, " T"]:
+    """1 where some part of the object may be gripped, 0 while each turns on and on in the palm."""
+    around, wide = partial(gaussian_filter1d, axis=0, mode="constant"), AROUND_TOUCH * fps / 30
+    frames, palm = (2 * math.pi) ** 0.5 * wide, palm_axes(joints[:, None])
+    found = torch.zeros(len(joints))
+    for _, pose in surface.parts:
+        seen = palm.mT @ pose.rotation
+        steps = matrix_to_axis_angle(seen[:-1].mT @ seen[1:]).cpu().double().numpy()
+        turns = np.zeros((len(joints), 3))
+        turns[1:] = frames * around(steps, wide) / (2 * math.pi)
+        share = share_between(torch.from_numpy(turns).norm(dim=-1), SPUN, WHEEL).numpy()
+        least = minimum_filter1d(share, 2 * round(wide) + 1, mode="nearest")
+        found = torch.maximum(found, torch.from_numpy(least).to(found))
+    return found.to(joints)
 
 
 def evidence_of_place(width: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
@@ -240,6 +265,6 @@ def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
     if count := int((evidence < 0.5).sum()):
         yield (
             f"in {numbered(count, 'frame')} the object is too noisy, too long unseen or too far "
-            "away to rely on, or does not seem to be touched: there the hand is cleaned mostly by "
-            "the prior of hand motion alone"
+            "away to rely on, does not seem to be touched or spins in the hand: there the hand is "
+            "cleaned mostly by the prior of hand motion alone"
         )

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import (
     CLEAR,
@@ -150,6 +151,21 @@ def test_a_hand_that_hovers_beside_a_resting_object_deals_with_it_about_a_touch_
     found = hand_beside_a_box(once)
     assert (found[:35] > 0.999).all()
     assert (found[60:] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("turns", "with_it", "gripped"), [(2, False, 0), (2, True, 1), (0.25, False, 1)]
+)
+def test_what_spins_in_the_hand_like_a_wheel_is_not_gripped(turns, with_it, gripped):
+    """`turns` in a second, `with_it` where the hand turns as well."""
+    angle = 2 * torch.pi * turns * torch.arange(FRAMES) / 30
+    rotation = axis_angle_to_matrix(angle[:, None] * torch.tensor([0.0, 0.0, 1.0]))
+    motion = replace(track_with_a_gap(0.0), valid=None)
+    motion = replace(motion, rotation=rotation[:, None], translation=torch.zeros(FRAMES, 1, 3))
+    palm = torch.randn(21, 3, generator=torch.Generator().manual_seed(0))
+    joints = 0.03 * palm.expand(FRAMES, 21, 3)
+    joints = joints @ rotation.mT if with_it else joints
+    assert (evidence_of_nearness(joints, motion.surface(), 30.0) == gripped).all()
 
 
 def test_a_hand_whose_place_contact_does_not_tell_is_not_at_the_object():
