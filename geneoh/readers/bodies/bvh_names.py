@@ -1,6 +1,7 @@
 """Which joint of a BVH is which joint of the body: by the names that common programs give.
 
-Mixamo, MotionBuilder, CMU, Blender (Rigify), Biped, DAZ, Xsens, Rokoko and SMPL.
+Mixamo, MotionBuilder, CMU, Blender (Rigify), Biped, DAZ, Xsens, Rokoko, mocopi, VRoid, Character
+Creator and SMPL.
 """
 
 import re
@@ -11,16 +12,17 @@ from geneoh.choices import SIDES
 WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 LEFT, RIGHT = {"left", "l", "lft"}, {"right", "r", "rgt"}
 EMPTY = {"mixamorig", "bip", "b", "j", "jnt", "joint", "def", "bone", "bn", "m", "f", "avg", "ctrl"}
+EMPTY |= {"character", "cc", "base", "c"}
 """Words in names that say nothing of the joint."""
 
 STEMS: dict[str, tuple[str, ...]] = {
     "hip": ("upleg", "thigh", "upperleg", "thighbend", "hip"),
-    "knee": ("knee", "leg", "shin", "calf", "lowerleg"),
+    "knee": ("knee", "leg", "shin", "calf", "lowerleg", "lowleg"),
     "ankle": ("ankle", "foot"),
     "foot": ("toebase", "toe", "toes", "ball", "foot"),
     "shoulder": ("arm", "upperarm", "uparm", "shldr", "shldrbend", "shoulder"),
     "collar": ("collar", "clavicle", "collarbone", "shoulder"),
-    "elbow": ("elbow", "forearm", "lowerarm", "forearmbend", "loarm"),
+    "elbow": ("elbow", "forearm", "lowerarm", "forearmbend", "loarm", "lowarm"),
     "wrist": ("wrist", "hand"),
 }
 """Names of the joints that there are two of, the plainest first: "LeftShoulder" is the joint of the

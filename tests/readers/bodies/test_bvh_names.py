@@ -13,11 +13,19 @@ CHAINS = {
     + ("hand_{}",),
     "SMPL": ("m_avg_Pelvis", "m_avg_Spine1", "m_avg_Neck", "m_avg_{}_Collar", "m_avg_{}_Shoulder")
     + ("m_avg_{}_Elbow", "m_avg_{}_Wrist"),
+    "mocopi": ("root", "torso_7", "neck_1", "{}_shoulder", "{}_up_arm", "{}_low_arm", "{}_hand"),
+    "VRoid": ("J_Bip_C_Hips", "J_Bip_C_Spine", "J_Bip_C_Neck", "J_Bip_{}_Shoulder")
+    + ("J_Bip_{}_UpperArm", "J_Bip_{}_LowerArm", "J_Bip_{}_Hand"),
+    "Character Creator": ("CC_Base_Hip", "CC_Base_Waist", "CC_Base_NeckTwist01")
+    + ("CC_Base_{}_Clavicle", "CC_Base_{}_Upperarm", "CC_Base_{}_Forearm", "CC_Base_{}_Hand"),
+    "MotionBuilder": ("Character1_Hips", "Character1_Spine", "Character1_Neck")
+    + tuple(f"Character1_{{}}{part}" for part in ("Shoulder", "Arm", "ForeArm", "Hand")),
     "Xsens": ("Hips", "Chest", "Neck", "{}Shoulder", "{}UpperArm", "{}LowerArm", "{}Wrist"),
 }
 SIDES = {
     **{"Biped": ("L", "R"), "DAZ": ("l", "r"), "Rigify": ("L", "R"), "Unreal": ("l", "r")},
-    **{"SMPL": ("L", "R")},
+    **{"SMPL": ("L", "R"), "VRoid": ("L", "R"), "Character Creator": ("L", "R")},
+    **{"mocopi": ("l", "r")},
 }
 
 
@@ -51,3 +59,5 @@ def test_keys_hold_the_side_and_the_plain_name():
     assert key_of("LThumb") == ("left", "thumb")
     assert key_of("hand.R") == ("right", "hand")
     assert key_of("index_01_l") == ("left", "index1")
+    assert key_of("CC_Base_L_ToeBase") == ("left", "toe")
+    assert match_joints(["root", "l_low_leg"], [-1, 0])["left_knee"] == 1
