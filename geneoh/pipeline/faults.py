@@ -7,7 +7,7 @@ shakes it.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -24,6 +24,7 @@ from geneoh.readers.hand_checks import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import filled_keypoints, observed_around, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.shots import shots_of
 from geneoh.sequence.windows import runs
 
 SHORTEST = 5
@@ -100,7 +101,8 @@ def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> It
     if int(seen.sum()) < SHORTEST:
         return
     joints, trusted = filled_keypoints(hand), hand.trust > 0
-    track = Track(joints, trusted, hand.side, fps, seen_from_parts(joints, motion))
+    views, shots = seen_from_parts(joints, motion), shots_of(hand, fps)
+    track = Track(joints, trusted, hand.side, fps, views, shots)
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
@@ -121,6 +123,8 @@ class Track:
     fps: float
     from_parts: tuple[Float[Tensor, "T 21 3"], ...] = ()
     """The same keypoints as each part of the object sees them."""
+    shots: list[slice] = field(default_factory=lambda: [slice(None)])
+    """Stretches between cuts of the video, over which no motion leads."""
 
     @property
     def views(self) -> tuple[Float[Tensor, "T 21 3"], ...]:
@@ -185,7 +189,10 @@ def displaced(track: Track) -> Bool[Tensor, " T"]:
     middles = [track.palm(joints).mean(1).double().cpu().numpy() for joints in track.views]
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
-    return track.in_all(~possible_places(middle, limit, track.fps) for middle in middles)
+    return track.in_all(
+        np.concatenate([~possible_places(middle[s], limit, track.fps) for s in track.shots])
+        for middle in middles
+    )
 
 
 def turned_over(track: Track) -> Bool[Tensor, " T"]:
@@ -197,7 +204,12 @@ def turned_over(track: Track) -> Bool[Tensor, " T"]:
     ]
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
     limit = min(limit, LARGEST_TURN)
-    return track.in_all(~longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept for palm in palms)
+    return track.in_all(
+        np.concatenate(
+            [~longest_chain(palm[s], limit, ALL_THE_SAME, track.fps).kept for s in track.shots]
+        )
+        for palm in palms
+    )
 
 
 def change_limit(steps: Iterable[Float[np.ndarray, "N 3"]], change: float, fps: float) -> float:

@@ -10,10 +10,12 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.faults import without_faults
+from geneoh.readers.convention_check import doubts
 from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.shots import shots_of
 from tools.noisy_objects.clips import shaken
 
 FROM, UNTIL = 70, 77
@@ -155,6 +157,31 @@ def test_keypoints_without_confidence_make_no_fault(noisy):
     keys = {"joints": joints, "pose": None, "wrist": None, "betas": None}
     assert missing(with_hand(noisy, confidence=sure, **keys)) == []
     assert missing(with_hand(noisy, **keys)) != []
+
+
+@pytest.mark.parametrize("fps", [24.0, 60.0])
+def test_frames_beside_a_cut_of_the_video_are_no_fault(clean, fps):
+    given = at_rate(clean, fps)
+    joints, cut = given.hands[0].joints.clone(), given.frames // 2
+    joints[cut:] += torch.tensor([0.4, -0.3, 0.2])
+    alone = replace(given, object=ObjectTrack.resting((), given.frames))
+    alone = with_hand(alone, joints=joints, pose=None, wrist=None, betas=None)
+    assert missing(alone) == []
+    assert shots_of(alone.hands[0], fps) == [slice(0, cut), slice(cut, given.frames)]
+    (said,) = doubts(alone, "clip")
+    assert f"before frame {cut}" in said
+    assert f"sequence[0:{cut}], sequence[{cut}:{given.frames}] of" in said
+    joints[cut + 6 :] -= torch.tensor([0.4, -0.3, 0.2])  # a hand that was lost, and no shot
+    assert missing(with_hand(alone, joints=joints)) == list(range(cut, cut + 6))
+    assert list(doubts(alone, "clip")) == []
+
+
+@pytest.mark.parametrize("noise", ["gauss_strong", "burst", "drop", "camera"])
+def test_noise_is_no_cut(clean, noise):
+    given = corrupt_sequence(
+        at_rate(clean, 60.0), noise, generator=torch.Generator().manual_seed(1)
+    )
+    assert len(shots_of(given.hands[0], 60.0)) == 1
 
 
 def test_few_frames_tell_no_fault(noisy):
