@@ -35,6 +35,11 @@ def read_archive(path: Path) -> Arrays:
         raise InputError(f"{path}: expected an npz archive, got {got_instead(data)}")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if any(name.endswith("/data.pkl") for name in archive.namelist()):
+                raise InputError(
+                    f"{path}: expected an npz archive, got a file of torch.save; save its arrays "
+                    "with numpy.savez, or say with --from whose it is, such as --from hamer"
+                )
             return decode_archive(archive, str(path))
     except InputError:
         raise

@@ -61,6 +61,9 @@ MARKS: dict[Layout, tuple[str, ...]] = {
 }
 """Fields that only this layout has."""
 
+BODY_MARKS = (("body_pose",), ("pose_body",), ("poses", "trans"))
+"""Fields of bodies, under smplx's names or in AMASS."""
+
 BODY_LEFT_OUT = (
     "the body that the hands belong to is left out: its arms would not meet hands that have moved"
 )
@@ -96,9 +99,10 @@ def layout_of(record: Record) -> Layout:
     if "joints" in record and not found["smplx"]:
         found["joints"] = ["joints"]
     found = {layout: names for layout, names in found.items() if names}
-    if "smplx" in found and "body_pose" in record and "hand_pose" not in record:
+    bodies = [name for name in BODY_MARKS if all(part in record for part in name)]
+    if bodies and found.keys() <= {"smplx"} and "hand_pose" not in record:
         raise InputError(
-            f"{record.where}: expected a hand, got a body ('body_pose') under smplx's names; save "
+            f"{record.where}: expected a hand, got a body ({quoted(bodies[0])}); save "
             "'hand_pose' with 'global_orient' and 'transl' of the hand itself, not of the pelvis, "
             "or give the body to `geneoh generate --body`"
         )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -31,6 +32,12 @@ def test_arrays_come_back_with_shape_and_kind(tmp_path):
         assert read[name].dtype == array.dtype
         np.testing.assert_array_equal(read[name], array, strict=True)
         assert read[name].flags.writeable
+
+
+def test_a_file_of_torch_is_told_as_such(tmp_path):
+    torch.save({"hand_pose": torch.zeros(2)}, tmp_path / "a.pt")
+    with pytest.raises(InputError, match=r"got a file of torch.save; .*--from"):
+        read_archive(tmp_path / "a.pt")
 
 
 def test_numpy_reads_what_is_written_and_the_other_way(tmp_path):

@@ -233,6 +233,8 @@ def test_a_body_under_the_names_of_smplx_is_no_hand():
     body = {"global_orient": POSE[:, 0], "body_pose": np.zeros((T, 63)), "transl": PLACE}
     with pytest.raises(InputError, match=r"got a body \('body_pose'\).*geneoh generate --body"):
         read(body)
+    with pytest.raises(InputError, match=r"got a body \('poses', 'trans'\).*generate --body"):
+        read({"poses": np.zeros((T, 165)), "trans": PLACE})  # of AMASS
     hand = {**SMPLX, "body_pose": np.zeros((T, 63))}  # a field that is left alone
     assert only(read(hand, side="right")).pose is not None
 
