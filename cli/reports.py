@@ -9,6 +9,9 @@ from geneoh.metrics.report import before_and_after, format_number, through_walls
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
+NOTED = 5.0
+"""Millimetres between a body and its hands from which on they are told."""
+
 if TYPE_CHECKING:
     from geneoh.generators.both2hands.on_body import BodyWithHands
     from geneoh.generators.text2hoi.generate import Generated
@@ -77,6 +80,11 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
     for note in body.notes:
         yield f"note: {note}"
     yield from refined(made.refined)
+    if (apart := 1000 * made.wrists_apart()) > NOTED:
+        yield (
+            f"note: the arms of the body stay: a wrist is up to {apart:.0f} mm off that of its "
+            "hand, and a BVH and the names of smplx have the body's"
+        )
     for output in outputs:
         yield f"wrote {output}"
 

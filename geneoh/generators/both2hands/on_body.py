@@ -74,6 +74,14 @@ class BodyWithHands:
 
     __eq__ = equal_values
 
+    def wrists_apart(self) -> float:
+        """How far a wrist of the body is from that of its hand at most, metres."""
+        places = pose(self.body.skeleton, self.body.file_motion).positions
+        off = (
+            places[:, WRISTS[h.side]] - h.wrist for h in self.sequence.hands if h.wrist is not None
+        )
+        return max(float(each.norm(dim=-1).max()) for each in off)
+
 
 @checked_call
 @undisturbed()

@@ -23,6 +23,7 @@ from geneoh.readers.bodies.objects import object_of_body
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import ObjectTrack
+from geneoh_cli.reports import hands_on_body
 
 
 @pytest.fixture
@@ -110,6 +111,12 @@ def test_cleaned_hands_come_back_to_the_body(asked):
         turned[:, 3] += 0.1
         hands.append(replace(hand, pose=turned))
     body = with_hands(made.body, replace(made.sequence, hands=tuple(hands)))
+    moved = replace(hands[0], wrist=hands[0].wrist + torch.tensor([0.0, 0.02, 0.0]))
+    aside = replace(made, sequence=replace(made.sequence, hands=(moved, hands[1])))
+    assert made.wrists_apart() == pytest.approx(0.0, abs=1e-5)
+    assert aside.wrists_apart() == pytest.approx(0.02, abs=1e-5)
+    (note,) = [words for words in hands_on_body(aside, []) if "arms" in words]
+    assert "a wrist is up to 20 mm off that of its hand" in note
     joints = body.motion.rotations[:, [24, 39]]
     wanted = axis_angle_to_matrix(torch.stack([hand.pose[:, 3] for hand in hands], dim=1))
     torch.testing.assert_close(joints, wanted, atol=1e-4, rtol=0)
