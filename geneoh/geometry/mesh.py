@@ -1,6 +1,7 @@
 """Triangle meshes in metres: reading, checking, and closing the openings of their surface."""
 
 import hashlib
+import io
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -161,7 +162,12 @@ def by_trimesh(path: Path) -> Mesh:
         import trimesh
 
     try:
-        scene = trimesh.load_scene(path, process=False)
+        counted = absolute_obj(path) if path.suffix.lower() == ".obj" else None
+        scene = (
+            trimesh.load_scene(path, process=False)
+            if counted is None
+            else trimesh.load_scene(counted, file_type="obj", process=False)
+        )
         joined = from_trimesh(scene.to_mesh())
         mesh = replace(joined, source=path, parts=scene_parts(scene, path))
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
@@ -177,6 +183,31 @@ def by_trimesh(path: Path) -> Mesh:
             "export it with its faces, or make a surface of a point cloud in a mesh editor"
         )
     return mesh
+
+
+def absolute_obj(path: Path) -> io.BytesIO | None:
+    """An OBJ file whose faces count their points backward, with numbers that count from the first.
+
+    None where none does so. trimesh counts from the end of the file, and not from the face.
+    """
+    lines = path.read_bytes().replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
+    if not any(line[:1] == b"f" and b"-" in line for line in lines):
+        return None
+    counts = {b"v": 0, b"vt": 0, b"vn": 0}
+    for at, line in enumerate(lines):
+        kind, *words = line.split() or [b""]
+        if kind in counts:
+            counts[kind] += 1
+        elif kind == b"f":
+            corners = ([word.split(b"/"), list(counts.values())] for word in words)
+            each = (b"/".join(map(from_first, *corner)) for corner in corners)
+            lines[at] = b"f " + b" ".join(each)
+    return io.BytesIO(b"\n".join(lines))
+
+
+def from_first(index: bytes, count: int) -> bytes:
+    """An index of an OBJ file that may count backward from the last of so many points."""
+    return b"%d" % (count + 1 + int(index)) if index[:1] == b"-" else index
 
 
 @runtime_checkable

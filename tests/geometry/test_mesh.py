@@ -157,6 +157,19 @@ def test_all_other_obj_files_are_left_to_trimesh(content, tmp_path):
     assert plain_obj(tmp_path / "other.obj") is None
 
 
+def test_faces_may_count_their_points_backward(tmp_path):
+    """As programs write them that put each group's points before its faces."""
+    groups = [
+        f"g {z}\nv 0 0 {z}\nv 1 0 {z}\nv 1 1 {z}\nvt 0 0\nusemtl a\nf -3/-1 -2/-1 \\\r\n -1/-1\n"
+        for z in (0, 1)
+    ]
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\n" + "".join(groups))
+    mesh = load_mesh(tmp_path / "a.obj")
+    wanted = [[[0, 0, z], [1, 0, z], [1, 1, z]] for z in (0.0, 1.0)]
+    assert mesh.corners().tolist() == wanted
+    assert mesh.source == tmp_path / "a.obj"
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
