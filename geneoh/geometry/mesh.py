@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -162,6 +163,8 @@ def by_trimesh(path: Path) -> Mesh:
         import trimesh
 
     try:
+        if path.suffix.lower() == ".glb":
+            refuse_packed(path.read_bytes())
         counted = absolute_obj(path) if path.suffix.lower() == ".obj" else None
         scene = (
             trimesh.load_scene(path, process=False)
@@ -183,6 +186,18 @@ def by_trimesh(path: Path) -> Mesh:
             "export it with its faces, or make a surface of a point cloud in a mesh editor"
         )
     return mesh
+
+
+def refuse_packed(data: bytes) -> None:
+    """Raise for a GLB whose points trimesh takes for zeros, or for whole numbers of metres."""
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    packed = [name for name in document.get("extensionsRequired", ()) if "compression" in name]
+    primitives = [each for mesh in document.get("meshes", ()) for each in mesh["primitives"]]
+    points = {each["attributes"].get("POSITION", -1) for each in primitives}
+    if any(document["accessors"][at].get("normalized") for at in points - {-1}):
+        packed.append("KHR_mesh_quantization")
+    if packed:
+        raise ValueError(f"its points are packed by {', '.join(packed)}, which must be left out")
 
 
 def absolute_obj(path: Path) -> io.BytesIO | None:

@@ -157,6 +157,24 @@ def test_all_other_obj_files_are_left_to_trimesh(content, tmp_path):
     assert plain_obj(tmp_path / "other.obj") is None
 
 
+@pytest.mark.parametrize("packed", ["KHR_draco_mesh_compression", "KHR_mesh_quantization"])
+def test_a_glb_whose_points_are_packed_is_refused(ball, packed, tmp_path):
+    path = tmp_path / "a.glb"
+    ball.export(path)
+    data = path.read_bytes()
+    size = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + size])
+    document["extensionsRequired"] = [packed]
+    if packed == "KHR_mesh_quantization":
+        (primitive,) = document["meshes"][0]["primitives"]
+        document["accessors"][primitive["attributes"]["POSITION"]]["normalized"] = True
+    text = json.dumps(document).encode()
+    head = data[:12] + len(text).to_bytes(4, "little") + data[16:20]
+    path.write_bytes(head + text + data[20 + size :])
+    with pytest.raises(InputError, match=f"packed by {packed}.*save it again"):
+        load_mesh(path)
+
+
 def test_faces_may_count_their_points_backward(tmp_path):
     """As programs write them that put each group's points before its faces."""
     groups = [
