@@ -26,6 +26,7 @@ from geneoh.readers.bodies.model import RestBody, embedded_body, read_model
 from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.records import Array, Record, as_record, float32
+from geneoh.readers.transforms import axis_angles, refuse_other_matrices
 from geneoh.sequence.validation import LARGEST_ANGLE
 
 RATES = ("fps", "mocap_frame_rate", "mocap_framerate")
@@ -142,10 +143,9 @@ def rotations_of(
         fingers = None if start is None else poses[:, start : start + 3 * FINGERS]
         body = in_radians(record, layout.body, poses[:, : 3 * BODY_JOINTS])
     else:
-        root = record.array(layout.root, ("T", 3), unit="in radians")
-        posed = record.array(layout.body, ("T", 63), ("T", 69), ("T", 21, 3), ("T", 23, 3))
+        root = turns_of(record, layout.root, 1)
+        posed = turns_of(record, layout.body, 21, 23)[:, :63]
         record.refuse_lengths(layout.root, layout.body)
-        posed = posed.reshape(len(posed), -1)[:, :63]
         parts = [in_radians(record, layout.root, root), in_radians(record, layout.body, posed)]
         body = np.concatenate(parts, axis=1)
         fingers = fingers_of(record, layout, len(body))
@@ -155,6 +155,16 @@ def rotations_of(
     flat = np.zeros((len(body), 3 * FINGERS)) if fingers is None else fingers
     vectors = float32(np.concatenate([body, flat], axis=1)).reshape(-1, len(JOINT_NAMES), 3)
     return axis_angle_to_matrix(vectors), fingers is not None, notes
+
+
+def turns_of(record: Record, name: str, *counts: int) -> Array:
+    """(T, 3J) axis-angle of one of so many joints, which may be matrices, as HMR 2.0 writes."""
+    shapes = [s for n in counts for s in (("T", 3 * n), ("T", n, 3), ("T", n, 3, 3))]
+    turns = record.array(name, *shapes, unit="in radians")
+    if turns.ndim == 4:
+        refuse_other_matrices(record, name, turns)
+        turns = axis_angles(turns)
+    return turns.reshape(len(turns), -1)
 
 
 def in_radians(record: Record, name: str, turns: Array) -> Array:

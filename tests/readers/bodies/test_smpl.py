@@ -8,6 +8,7 @@ from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import PARENTS, embedded_skeleton
 from geneoh.choices import AXES
 from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.readers.bodies.read import read_bodies, read_body
 
 SWAYING = bodies.swaying()
@@ -47,6 +48,21 @@ def test_fingers_relative_to_a_mean_pose_are_left_out(tmp_path, flat, said, kept
     notes = [note for note in body.notes if "fingers" in note]
     assert len(notes) == (said is not None)
     assert all(said in note for note in notes)
+
+
+def test_rotations_may_be_matrices(tmp_path):
+    path = bodies.smplx_names(tmp_path / "a.npz", SWAYING, "y")
+    with np.load(path) as arrays:
+        fields = dict(arrays)
+    for name, joints in (("global_orient", 1), ("body_pose", 21)):
+        turns = torch.from_numpy(fields[name]).reshape(-1, joints, 3)
+        fields[name] = axis_angle_to_matrix(turns).numpy()
+    np.savez(path, **fields)
+    assert_same(read_body(path).motion, SWAYING)
+    fields["global_orient"] *= 2
+    np.savez(path, **fields)
+    with pytest.raises(InputError, match="'global_orient' must be rotation matrices"):
+        read_body(path)
 
 
 def test_the_caller_may_say_what_is_up(tmp_path):
