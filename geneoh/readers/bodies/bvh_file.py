@@ -94,7 +94,8 @@ def read_hierarchy(text: str, path: Path) -> list[BvhJoint]:
             case "ROOT" | "JOINT":
                 parent = open_blocks[-1] if open_blocks else -1
                 if bool(joints) == (parent < 0) or len(joints) == MOST_JOINTS:
-                    raise refusal(path, f"one tree of up to {MOST_JOINTS} joints", words)
+                    tree = f"one tree of up to {MOST_JOINTS} joints, no prop or body beside it"
+                    raise refusal(path, tree, words)
                 pending = len(joints)
                 joints.append(BvhJoint(" ".join(words[1:]), parent))
             case "END":

@@ -129,6 +129,10 @@ def test_a_spine_with_fewer_joints_is_filled_up(tmp_path):
         (lambda text: text.replace("}\nMOTION", "MOTION"), "one that is cut"),
         (lambda text: text.replace("Xposition Y", "Wposition Y"), "names of channels"),
         (lambda text: f"{text[: text.rindex(' ')]} nan", "got NaN or infinity in 1"),
+        (
+            lambda text: text.replace("MOTION", "ROOT Prop\n{\n}\nMOTION"),
+            "no prop or body beside it",
+        ),
         (lambda text: re.sub("OFFSET .*", "OFFSET 0 0 0", text), "shows no front"),
         (lambda text: "ROOT " * 9, "expected HIERARCHY and MOTION"),
     ],
