@@ -1,5 +1,6 @@
 """Cases: a clip under one noise and seed, known by name and read where it is needed."""
 
+import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +13,15 @@ from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_grou
 from geneoh.evaluation.protocols.noise import check_noise, noisy_input
 from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.outputs import keep_others
+from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
+from geneoh.hand.library import hand_of_betas
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import load, save_sequence
+from geneoh.readers.npz_layouts import OBJECT_FIELDS, read_fields
 from geneoh.sequence.sequence import Sequence
+
+LOG = logging.getLogger(__name__)
 
 CaseKey = tuple[str, str, str, int]  # data set, clip, noise and seed
 
@@ -68,14 +74,30 @@ class Case:
         )
 
     def read_stored(self, path: Path) -> Sequence:
-        """A version of the clip that somebody stored, with the clip's own meshes."""
-        side = self.recording.hands[0].side
-        found = load(path, obj=self.recording.object.meshes, side=side)
+        """A version of the clip that somebody stored, with the clip's own meshes.
+
+        Where the file says nothing of the object it is the clip's. A hand of parameters alone has
+        keypoints by the user's MANO where its betas are MANO's, else by our hand, which is logged.
+        """
+        side, mano_dir = self.recording.hands[0].side, self.protocol.mano_dir
+        fields = read_fields(path)
+        meshes = self.recording.object.meshes if any(n in fields for n in OBJECT_FIELDS) else None
+        found = load(path, obj=meshes, side=side, mano_dir=mano_dir)
         if found.frames != self.recording.frames:
             raise InputError(
                 f"{path}: expected the clip's {self.recording.frames} frames, got {found.frames}; "
                 "store a version of the whole clip"
             )
+        if meshes is None:
+            found = replace(found, object=self.recording.object)
+        hand = found.hands[0]
+        if hand.joints is None:
+            own = None if mano_dir is None else hand.hand_model
+            subject = subject_of(hand, hand_of_betas(side, own, mano_dir=mano_dir))
+            for note in subject.notes:
+                LOG.warning("%s: %s; --mano takes betas of MANO", path, note)
+            if own is not None:
+                found = replace(found, hands=(replace(hand, joints=subject.joints),))
         return found
 
 

@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 import trees
@@ -214,6 +215,24 @@ def test_a_prediction_without_a_frame_that_the_input_has_is_refused(tmp_path, no
     save_sequence(changed(noisy_case, valid=without_frame(noisy_case, 3)).noisy, path)
     with pytest.raises(InputError, match="which the input was observed, got none in 1 of them"):
         stored_hand(case, tmp_path)
+
+
+def test_a_prediction_needs_nothing_of_the_object(tmp_path, noisy_case):
+    hand = noisy_case.clean.hands[0]
+    np.savez(tmp_path / noisy_case.file_name, joints=hand.joints.numpy(), side="left", fps=30.0)
+    assert error(stored_hand(noisy_case, tmp_path), noisy_case) == 0
+    assert noisy_case.read_stored(tmp_path / noisy_case.file_name).object.is_known
+
+
+def test_a_prediction_of_parameters_is_posed_by_the_users_mano(tmp_path, as_shipped, caplog):
+    case, mano_dir, _ = as_shipped
+    hand = case.clean.hands[0]
+    alone = replace(case.clean, hands=(replace(hand, joints=None),))
+    save_sequence(alone, tmp_path / case.file_name)
+    assert error(stored_hand(case, tmp_path), case) > 1e-3
+    assert "the mean hand is used; --mano takes betas of MANO" in caplog.text
+    told = replace(case, protocol=replace(case.protocol, mano_dir=mano_dir))
+    assert error(stored_hand(told, tmp_path), case) < 1e-6
 
 
 def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):
