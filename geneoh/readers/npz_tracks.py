@@ -201,11 +201,16 @@ def offset_of_wrist(
     return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()
 
 
-def read_betas(record: Record, name: str) -> tuple[Float[Tensor, " 10"] | None, Notes]:
-    """Shape coefficients of the sequence; one set per frame is averaged, and that is noted."""
+def read_betas(
+    record: Record, name: str, mask: str = "valid"
+) -> tuple[Float[Tensor, " 10"] | None, Notes]:
+    """Shape coefficients of the sequence; one set per frame is averaged, and that is noted.
+
+    `mask` is the field that says which frames hold a hand: the others have no shape.
+    """
     betas, notes = record.tensor(name, (10,), ("T", 10)), ()
     if betas is not None and betas.ndim == 2:
-        observed = betas[all_finite(betas)]
+        observed = betas[frames_with_shape(record, betas, mask)]
         notes = (f"'{name}' averaged over {len(observed)} frames",) if len(betas) > 1 else ()
         betas = observed.mean(0)
     if betas is not None and not bool(betas.isfinite().all()):
@@ -213,6 +218,20 @@ def read_betas(record: Record, name: str) -> tuple[Float[Tensor, " 10"] | None, 
             f"{record.where}: the betas must be finite, got {betas.tolist()}; fix them"
         )
     return betas, notes
+
+
+def frames_with_shape(
+    record: Record, betas: Float[Tensor, "T 10"], mask: str = "valid"
+) -> Bool[Tensor, " T"]:
+    """Frames whose betas count: those that the mask has and that are not NaN or all zeros.
+
+    Where no frame is left, as with the mean hand, all finite ones count.
+    """
+    finite = all_finite(betas)
+    seen = finite & betas.any(1)
+    if mask in record and len(flags := record.flags(mask)) == len(betas):
+        seen &= flags
+    return seen if bool(seen.any()) else finite
 
 
 def read_confidence(record: Record, name: str) -> Float[Tensor, "T 21"] | None:
@@ -250,7 +269,7 @@ def read_track(
         pose = None if pose is None else pose.reshape(-1, 16, 3)
     if wrist is None:
         wrist = record.tensor(field["wrist"], ("T", 3), unit="in metres")
-    betas, notes = read_betas(record, field["betas"])
+    betas, notes = read_betas(record, field["betas"], field["valid"])
     confidence, missed = read_confidence(record, field["confidence"]), ()
     spread = record.tensor(field["joint_spread"], ("T", 21), unit="in metres")
     ray = record.tensor(field["camera_ray"], ("T", 3), unit="as directions")

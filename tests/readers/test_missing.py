@@ -284,6 +284,16 @@ def test_the_error_of_arctics_fit_is_carried_as_confidence(tmp_path, mano_dir):
     np.testing.assert_allclose(trust, np.tile(expected[:, None], 21), rtol=1e-6)
 
 
+@pytest.mark.parametrize("lost", [np.nan, 0.0])
+def test_parameters_of_a_missing_frame_have_no_betas(lost, tmp_path):
+    rows = np.random.default_rng(0).standard_normal((3, 61))
+    rows[1] = lost
+    np.save(tmp_path / "hand.npy", rows)
+    sequence = geneoh.read("parameters", tmp_path, side="left", translation="wrist")
+    np.testing.assert_allclose(sequence.hands[0].betas, rows[::2, 51:].mean(0), rtol=1e-5)
+    assert sequence.hands[0].valid.tolist() == [True, not np.isnan(lost), True]
+
+
 def test_of_two_detections_the_one_that_goes_on_is_taken(tmp_path):
     value = hamer_dump(tmp_path)
     # A stranger's right hand, a metre aside, comes first in every frame but the first.

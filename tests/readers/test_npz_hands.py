@@ -103,9 +103,17 @@ def test_rotation_matrices_are_read_as_the_same_pose():
 
 
 def test_betas_of_each_frame_are_averaged_aloud():
-    reading = read({**SMPLX, "betas": np.stack([k * BETAS for k in range(T)])}, side="right")
-    np.testing.assert_allclose(only(reading).betas, 2 * BETAS, rtol=1e-6)
+    reading = read({**SMPLX, "betas": np.stack([k * BETAS for k in range(1, T + 1)])}, side="right")
+    np.testing.assert_allclose(only(reading).betas, 3 * BETAS, rtol=1e-6)
     assert any("averaged over 5 frames" in note for note in reading[1])
+
+
+def test_frames_without_the_hand_have_no_betas():
+    betas = np.stack([BETAS, 0 * BETAS, 3 * BETAS, 9 * BETAS, np.nan * BETAS])
+    seen = {"valid": np.array([True, True, True, False, True])}
+    reading = read({**SMPLX, **seen, "betas": betas}, side="right")
+    np.testing.assert_allclose(only(reading).betas, 2 * BETAS, rtol=1e-6)
+    assert any("averaged over 2 frames" in note for note in reading[1])
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ from geneoh.readers.mediapipe import refuse_image_landmarks
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_tracks import (
     Notes,
+    frames_with_shape,
     observed_frames,
     read_confidence,
     read_object,
@@ -85,7 +86,8 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
             "or --translation origin for that of smplx and manopth"
         )
     betas = record.optional_array("betas", (10,), ("T", 10))
-    betas = None if betas is None else betas.reshape(-1, 10).mean(0)
+    if betas is not None and betas.ndim == 2:
+        betas = betas[frames_with_shape(record, torch.from_numpy(betas)).numpy()].mean(0)
     pose = record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48)
     record.refuse_lengths("pose", "trans", "valid", "confidence")
     pose, notes = observed(record, side, "pose", pose)
