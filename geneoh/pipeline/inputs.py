@@ -47,7 +47,7 @@ def own(values: Tensor, found: list[bool]) -> Tensor:
 
 def checked_interaction(sequence: Sequence) -> Sequence:
     """The sequence with frames filled in which the object's pose is missing, and without hands that
-    are collapsed to a point.
+    are collapsed to a point, or zeros.
 
     Raises:
         InputError: a mesh without a surface or of another unit, or numbers that can be no
@@ -70,10 +70,11 @@ def without_collapsed(hand: HandTrack) -> HandTrack:
 
 
 def collapsed_sentences(sequence: Sequence) -> Iterator[str]:
-    """What a user should know about hands that are collapsed to a point."""
+    """What a user should know about hands that are collapsed to a point, or zeros."""
     for hand in sequence.hands:
         if count := int(collapsed(hand).sum()):
             yield (
                 f"{numbered(count, 'frame')} in which all keypoints of the {hand.side} hand are in "
-                "one place, taken as missing; mark them by NaN or 'valid'"
+                "one place, or all its parameters zero, taken as missing; mark them by NaN or "
+                "'valid'"
             )

@@ -44,13 +44,19 @@ COLLAPSED = 0.01
 """Metres within which all keypoints of a frame lie that holds no hand: some trackers write zeros
 where they found none."""
 
+WRIST_FROM_ORIGIN = 0.15
+"""Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
+
 
 def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
-    """Observed frames in which all keypoints are in one place."""
-    if hand.joints is None:
-        return torch.zeros_like(hand.valid)
-    extent = (hand.joints.amax(1) - hand.joints.amin(1)).amax(-1)
-    return hand.valid & (extent < COLLAPSED)
+    """Observed frames in which all keypoints are in one place, or all parameters zero."""
+    empty = torch.zeros_like(hand.valid)
+    if hand.joints is not None:
+        empty = (hand.joints.amax(1) - hand.joints.amin(1)).amax(-1) < COLLAPSED
+    if hand.pose is not None and hand.wrist is not None:
+        zero = (hand.pose == 0).flatten(1).all(-1) & (hand.wrist.norm(dim=-1) < WRIST_FROM_ORIGIN)
+        empty = empty | (zero & bool(hand.pose[hand.valid].any()))
+    return hand.valid & empty
 
 
 def check_sequence(sequence: Sequence, name: str = "") -> None:

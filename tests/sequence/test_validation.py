@@ -7,7 +7,7 @@ from bad_inputs import FRAMES, good_arrays
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.validation import ball_distance, check_sequence
+from geneoh.sequence.validation import ball_distance, check_sequence, collapsed
 
 SHEET = Mesh(torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), torch.tensor([[0, 1, 2]]))
 HAND = HandTrack(
@@ -74,6 +74,15 @@ def test_a_hand_far_from_the_object_is_refused_only_where_there_is_a_mesh():
     with pytest.raises(InputError, match="stays 3"):
         check_sequence(replace(GOOD, object=far))
     check_sequence(replace(GOOD, object=replace(far, meshes=())))
+
+
+def test_a_frame_of_zero_parameters_holds_no_hand():
+    pose, wrist = torch.full((FRAMES, 16, 3), 0.1), torch.zeros(FRAMES, 3)
+    pose[2:4] = 0
+    hand = HandTrack("left", HAND.valid, pose=pose, wrist=wrist)
+    assert collapsed(hand).nonzero().flatten().tolist() == [2, 3]
+    flat = replace(hand, wrist=wrist + 1), replace(hand, pose=0 * pose)
+    assert not any(bool(collapsed(each).any()) for each in flat)
 
 
 def test_a_far_object_whose_inverse_poses_are_near_is_said_to_be_inverted():
