@@ -10,8 +10,8 @@ from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import checked, meshes_of, size_warning
 from geneoh.readers.npz_files import load
 from geneoh.sequence.gaps import fill_object
-from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.validation import check_sequence, collapsed
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_sequence, collapsed, without_collapsed
 
 
 def as_sequence(
@@ -61,12 +61,6 @@ def checked_interaction(sequence: Sequence) -> Sequence:
     sequence = replace(sequence, hands=hands, object=fill_object(sequence.object))
     check_sequence(sequence, sequence.source)
     return sequence
-
-
-def without_collapsed(hand: HandTrack) -> HandTrack:
-    """The track whose collapsed frames count as missing, unless all of them are."""
-    lost = collapsed(hand)
-    return replace(hand, valid=hand.valid & ~lost) if bool((hand.valid & ~lost).any()) else hand
 
 
 def collapsed_sentences(sequence: Sequence) -> Iterator[str]:

@@ -24,6 +24,7 @@ from geneoh.hand.skeleton import (
     rest_offsets,
 )
 from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.validation import without_collapsed
 
 DRIFT_FRAMES = 10.0
 """Correlation time of the drift in frames."""
@@ -73,9 +74,13 @@ SIZES: dict[Noise, Sizes] = {
 
 
 def corrupt_sequence(sequence: Sequence, noise: Noise, *, generator: torch.Generator) -> Sequence:
-    """The sequence with every hand corrupted; its source names the noise and the seed."""
+    """The sequence with every hand corrupted; its source names the noise and the seed.
+
+    Frames of zeros hold no hand: under noise nothing would tell them from one.
+    """
     ray = draw_ray(generator=generator) if noise == "camera" else None
-    hands = tuple(corrupt(hand, noise, ray=ray, generator=generator) for hand in sequence.hands)
+    clean = map(without_collapsed, sequence.hands)
+    hands = tuple(corrupt(hand, noise, ray=ray, generator=generator) for hand in clean)
     source = f"{noise} noise, seed {generator.initial_seed()}, on {sequence.source}"
     return replace(sequence, hands=hands, source=source)
 

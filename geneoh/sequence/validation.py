@@ -59,6 +59,12 @@ def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
     return hand.valid & empty
 
 
+def without_collapsed(hand: HandTrack) -> HandTrack:
+    """The track whose collapsed frames count as missing, unless all of them are."""
+    lost = collapsed(hand)
+    return replace(hand, valid=hand.valid & ~lost) if bool((hand.valid & ~lost).any()) else hand
+
+
 def check_sequence(sequence: Sequence, name: str = "") -> None:
     """Refuse a sequence that cannot be an interaction in metres, radians and frames a second.
 

@@ -193,3 +193,12 @@ def test_frames_that_were_not_valid_stay_so(recording):
 def test_the_expected_error_of_the_clean_hand_is_not_kept(recording):
     hand = replace(recording, joint_spread=torch.full((recording.frames, 21), 0.003))
     assert corrupt(hand, "gauss", generator=seeded()).joint_spread is None
+
+
+def test_frames_of_zeros_get_no_noise():
+    joints = torch.rand(6, 21, 3, generator=seeded())
+    joints[2] = 0
+    hand = HandTrack("right", torch.ones(6, dtype=torch.bool), joints=joints)
+    clean = Sequence((hand,), ObjectTrack.resting((), 6), 30.0)
+    (noisy,) = corrupt_sequence(clean, "gauss", generator=seeded()).hands
+    assert noisy.valid.tolist() == [True, True, False, True, True, True]
