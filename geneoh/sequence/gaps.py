@@ -14,6 +14,10 @@ from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
 from geneoh.sequence.keypoints import PALM, keypoints
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.windows import runs
+
+LEAP = 0.1
+"""Metres from one frame to the next that no object in a hand moves."""
 
 
 @dataclass(frozen=True)
@@ -129,11 +133,12 @@ def palm_points(
 def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None) -> ObjectTrack:
     """An object's track with finite poses in every frame; its `valid` says which were observed.
 
-    Poses that are NaN, or not `observed`, were not. They run between the observed ones on straight
-    lines and shorter arcs; those that are not `valid` are filled already, and keep their mark. A
-    part that was never observed stands still at the origin.
+    Poses that are NaN, `unset`, or not `observed`, were not. They run between the observed ones on
+    straight lines and shorter arcs; those that are not `valid` are filled already, and keep their
+    mark. A part that was never observed stands still at the origin.
     """
     lost = motion.rotation.isnan().any(-1).any(-1) | motion.translation.isnan().any(-1)
+    lost |= unset(motion)
     seen = ~lost if observed is None else ~lost & observed
     if bool(seen.all()):
         return motion
@@ -145,6 +150,20 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
         translation[:, part] = between.points(motion.translation[:, part])
     valid = seen if motion.valid is None else seen & motion.valid
     return replace(motion, rotation=rotation, translation=translation, valid=valid)
+
+
+def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
+    """Poses that are exactly the identity, between leaps: programs begin with arrays of them, which
+    stay where an object was not found."""
+    upright = (motion.rotation == torch.eye(3).to(motion.rotation)).flatten(2).all(-1)
+    still = upright & (motion.translation == 0).all(-1)
+    leaps = motion.translation.diff(dim=0).norm(dim=-1) > LEAP
+    found = torch.zeros_like(still)
+    for part in torch.nonzero(still.any(0) & ~still.all(0))[:, 0].tolist():
+        for run in runs(still[:, part].cpu().numpy()):
+            around = [step for step in (run.start - 1, run.stop - 1) if 0 <= step < len(leaps)]
+            found[run, part] = leaps[around, part].all()
+    return found
 
 
 def filled_poses(motion: ObjectTrack) -> Iterator[str]:

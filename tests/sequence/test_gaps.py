@@ -103,10 +103,20 @@ def test_filled_poses_are_told_part_by_part():
 
 
 def test_poses_that_were_filled_before_keep_their_mark_beside_ones_that_are_nan():
-    place = torch.arange(5.0)[:, None, None].expand(5, 1, 3).clone()
+    place = torch.arange(1.0, 6.0)[:, None, None].expand(5, 1, 3).clone()
     place[3] = math.nan
     valid = torch.tensor([[True], [False], [True], [True], [True]])
     turn = torch.eye(3).expand(5, 1, 3, 3)
     found = fill_object(ObjectTrack((), turn, place, valid))
     assert found.valid[:, 0].tolist() == [True, False, True, False, True]
-    assert found.translation[:, 0, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert found.translation[:, 0, 0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_poses_that_stayed_the_identity_were_not_observed():
+    turn, place = torch.eye(3).repeat(6, 2, 1, 1), torch.full((6, 2, 3), 0.5)
+    place[2:4] = 0  # the first part leaps to the origin and back, the second begins there
+    place[:, 1] = 0.01 * torch.arange(6.0)[:, None]
+    found = fill_object(ObjectTrack((), turn, place))
+    assert found.valid[:, 0].tolist() == [True, True, False, False, True, True]
+    assert bool(found.valid[:, 1].all())
+    assert torch.equal(found.translation[:, 0], place[:1, 0].expand(6, 3))
