@@ -157,7 +157,8 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     stay where an object was not found."""
     upright = (motion.rotation == torch.eye(3).to(motion.rotation)).flatten(2).all(-1)
     still = upright & (motion.translation == 0).all(-1)
-    leaps = motion.translation.diff(dim=0).norm(dim=-1) > LEAP
+    steps = motion.translation.diff(dim=0).norm(dim=-1)
+    leaps = steps.isfinite() & (steps > LEAP)
     found = torch.zeros_like(still)
     for part in torch.nonzero(still.any(0) & ~still.all(0))[:, 0].tolist():
         for run in runs(still[:, part].cpu().numpy()):
