@@ -17,6 +17,7 @@ from .. import options
 @options.option("--noise: Noise on the hand.", Choice(NOISES))
 @options.option("--object-noise: Noise on the poses of the object.", Choice(OBJECT_NOISES))
 @options.seed
+@options.mano
 @options.side_and_fps
 @options.output
 def corrupt(
@@ -24,6 +25,7 @@ def corrupt(
     noise: Any,
     object_noise: Any,
     seed: int,
+    mano: Path | None,
     output: Path | None,
     overwrite: bool,
     **how: Any,
@@ -47,7 +49,7 @@ def corrupt(
     output = output or clean.with_name(f"{clean.stem}_{name}.npz")
     check_ending(output, (".npz",))
     check_outputs([output], inputs=[clean], overwrite=overwrite)
-    noisy = load(clean, **how)
+    noisy = load(clean, mano_dir=mano, **how)
     generator = torch.Generator().manual_seed(seed)
     if noise is not None:
         noisy = corrupt_sequence(noisy, noise, generator=generator)

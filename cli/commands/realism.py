@@ -16,11 +16,13 @@ from .. import options
     "--augmented: Compare the synthetic hands with the augmentation that training puts on them."
 )
 @options.output
+@options.mano
 @options.side_and_fps
 def realism(
     recording: Path,
     obj: tuple[Path, ...],
     data: Path,
+    mano: Path | None,
     output: Path | None,
     overwrite: bool,
     **asked: Any,
@@ -43,7 +45,8 @@ def realism(
         check_ending(output, (".json",))
         check_outputs([output], inputs=[recording, *obj, data], overwrite=overwrite)
     augmented = asked.pop("augmented")
-    report = measure_realism(geneoh.load(recording, obj=obj, **asked), data, augmented=augmented)
+    sequence = geneoh.load(recording, obj=obj, mano_dir=mano, **asked)
+    report = measure_realism(sequence, data, augmented=augmented)
     for line in table(report):
         click.echo(line)
     if output is not None:

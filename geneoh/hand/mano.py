@@ -10,6 +10,7 @@ the official left file. The right hand of both is one, called "mano".
 """
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +20,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Side
+from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.values import read_values
 from geneoh.geometry.mirror import MIRROR
@@ -98,11 +99,18 @@ def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
     raise MissingAssetError(f"{root / name}: expected this file and found none; {advice}")
 
 
+def mano_files(folder: Path | str) -> list[Path]:
+    """The files of both sides in a folder, as far as they are there."""
+    found = []
+    for side in SIDES:
+        with suppress(MissingAssetError):
+            found.append(find_mano(side, folder))
+    return found
+
+
 def refuse_without_mano(folder: Path | str) -> None:
     """`MissingAssetError` for a folder that holds the file of neither side."""
-    try:
-        find_mano("left", folder)
-    except MissingAssetError:
+    if not mano_files(folder):
         find_mano("right", folder)
 
 

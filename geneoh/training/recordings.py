@@ -24,6 +24,7 @@ from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
+from geneoh.hand.mano import mano_files
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import (
     ReaderOptions,
@@ -76,8 +77,8 @@ class ShardRecord:
 
     config: ClipConfig
     files: dict[str, tuple[int, str]]
-    """Size and SHA-256 of each file of the clip, by its name below the clip's folder, and of those
-    of its meshes, by their whole paths."""
+    """Size and SHA-256 of each file of the clip, by its name below the clip's folder, of the MANO
+    files that it was read with, and of its meshes, by their whole paths."""
     clips: tuple[ClipRecord, ...]
     left_out: dict[str, int]  # frames that no clip holds, by the reason
 
@@ -104,7 +105,7 @@ def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> li
         for recording in found:
             check_sequence(recording.sequence, recording.name)
         return found
-    sequence = load(clip.path)
+    sequence = load(clip.path, mano_dir=options.mano_dir)
     if not sequence.object.meshes:
         files = clip.path.parent.iterdir()
         alone = [file for file in files if file.suffix.lower() in MESH_SUFFIXES]
@@ -115,7 +116,7 @@ def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> li
                 f"folder, got {len(beside)} of other names; put it there, or write the sequence "
                 "with its mesh"
             )
-        sequence = load(clip.path, obj=beside[0])
+        sequence = load(clip.path, obj=beside[0], mano_dir=options.mano_dir)
     return [Recording(clip.name, sequence)]
 
 
@@ -139,7 +140,7 @@ def make_shards(
     for clip in steps(clips, on_step):
         shard = shard_path(folder, clip)
         try:
-            if not is_fresh(shard, clip, config):
+            if not is_fresh(shard, clip, config, options):
                 write_shard(shard, source, clip, config, options)
             shards.append(shard)
         except GeneOHError as error:
@@ -168,7 +169,7 @@ def write_shard(
         for hand in normalised_hands(recording.sequence):
             cuts += cut_hand(recording, hand, config, left_out)
     meshes = mesh_files(recording.sequence for recording in recordings)
-    files = records_of([*files_of(clip), *by_path(meshes)])
+    files = records_of([*files_of(clip, options), *by_path(meshes)])
     record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
@@ -251,23 +252,26 @@ def identity(betas: Float[Tensor, " S"] | None) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def files_of(clip: SourceClip) -> list[tuple[str, Path]]:
-    """The files of a clip that may hold its hands, by their names below its folder."""
+def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]:
+    """The files of a clip that may hold its hands, by their names below its folder, and those of
+    the user's MANO, which poses them."""
+    models = [] if options.mano_dir is None else mano_files(options.mano_dir)
+    named = [(file.name, file) for file in models]
     if clip.path.is_file():
-        return [(clip.path.name, clip.path)]
+        return [(clip.path.name, clip.path), *named]
     files = (file for file in sorted(clip.path.rglob("*")) if file.is_file())
     kept = (file for file in files if file.suffix.lower() not in PICTURES)
-    return [(file.relative_to(clip.path).as_posix(), file) for file in kept]
+    return [*((file.relative_to(clip.path).as_posix(), file) for file in kept), *named]
 
 
-def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
+def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> bool:
     """Whether a shard is there, whole, cut as asked, and made from the clip's files as they are.
 
     Contents are compared of files that are newer than the shard; others only in size.
     """
     if (record := shard_record(shard)) is None or record.config != config:
         return False
-    return are_as_recorded(files_of(clip), record.files, shard)
+    return are_as_recorded(files_of(clip, options), record.files, shard)
 
 
 def shard_record(shard: Path) -> ShardRecord | None:

@@ -4,6 +4,7 @@ import bodies
 import numpy as np
 import pytest
 from bad_inputs import REFUSED, TOLD, write_good
+from trees import write_mano
 
 from geneoh.choices import NOISES
 from geneoh.readers.npz_files import load
@@ -29,6 +30,15 @@ def test_noise_is_added_to_the_hand_and_the_object_is_kept(geneoh, tmp_path):
     assert 0 < int(noisy.hands[0].valid.sum()) < 146
     assert not noisy.hands[0].wrist.allclose(clean.hands[0].wrist, equal_nan=True)
     assert "drop noise, seed 0, on taco_clean.npz" in noisy.source
+
+
+def test_mano_adds_the_mean_pose_that_a_file_lacks(geneoh, tmp_path):
+    pose = np.full((4, 48), 0.1)
+    arrays = {"global_orient": pose[:, :3], "hand_pose": pose[:, 3:], "transl": pose[:, :3]}
+    np.savez(tmp_path / "hand.npz", side="left", fps=30, flat_hand_mean=False, **arrays)
+    given = ("corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz")
+    assert "pass --mano" in geneoh(*given, code=2).stderr
+    geneoh(*given, "--mano", write_mano(tmp_path / "mano"))
 
 
 def test_the_same_seed_gives_the_same_file(geneoh, tmp_path):

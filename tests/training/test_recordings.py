@@ -192,6 +192,23 @@ def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, cha
     ]
 
 
+def test_clips_are_cut_again_by_mano_where_they_were_cut_without(example, tmp_path):
+    arrays, mano = arrays_of(example), write_mano(tmp_path / "mano")
+    pose = arrays["hand_pose"]
+    smplx = {"global_orient": pose[:, :3], "hand_pose": pose[:, 3:], "transl": arrays["hand_trans"]}
+    smplx |= {"side": "left", "fps": 30.0, "obj_pose": arrays["obj_pose"]}
+    np.savez(example / "sequence.npz", **smplx)
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    before = read_shard(shard).pose
+    np.savez(example / "sequence.npz", flat_hand_mean=False, **smplx)
+    for _ in ("first", "again"):
+        made = shard.stat().st_mtime_ns
+        (shard,) = cut("sequences", example, tmp_path / "out", mano_dir=mano)
+        assert "MANO_LEFT.pkl" in shard_record(shard).files
+    assert shard.stat().st_mtime_ns == made
+    assert not torch.equal(read_shard(shard).pose, before)
+
+
 def test_clips_of_one_name_in_several_folders_are_all_cut(example, tmp_path):
     for number, part in enumerate(("x/1", "y/1", "x_1/one", "x/1_one")):
         shutil.copytree(example, tmp_path / "many" / part)

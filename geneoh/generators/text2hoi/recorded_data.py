@@ -156,7 +156,8 @@ class Recordings:
 
     def files(self, clip: SourceClip) -> list[tuple[str, Path]]:
         """The files that the actions of a recording are made from, by name."""
-        return [*files_of(clip), *((path.name, path) for path in label_files(self.source, clip))]
+        labels = ((path.name, path) for path in label_files(self.source, clip))
+        return [*files_of(clip, self.options), *labels]
 
     def write(self, shard: Path, clip: SourceClip) -> None:
         """Write the labelled actions of one recording, whole or not at all."""
