@@ -242,6 +242,15 @@ def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):
     assert error(method.clean(noisy_case), noisy_case) < error(unchanged(noisy_case), noisy_case)
 
 
+def test_recorded_noise_is_scored_without_methods_that_are_told_the_truth():
+    methods, notes = methods_of(EvaluationOptions("hoi4d"))
+    assert not [method.name for method in methods if "told the truth" in method.name]
+    left_out = [note.split(" is left out")[0] for note in notes if "ground truth" in note]
+    assert left_out == list(TRUTHFUL)
+    asked = EvaluationOptions("hoi4d", methods=TRUTHFUL[1:])
+    assert len(methods_of(asked)[0]) == 1
+
+
 def test_what_is_named_twice_is_scored_once():
     options = EvaluationOptions(
         "taco", noises=("gauss", "gauss"), seeds=(3, 3, 1), methods=("input", "input")
