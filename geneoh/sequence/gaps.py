@@ -16,8 +16,8 @@ from geneoh.sequence.keypoints import PALM, keypoints
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-LEAP = 0.1
-"""Metres from one frame to the next that no object in a hand moves."""
+LEAP = 0.2
+"""Metres from one frame to the next by which the middle of an object that rests does not start."""
 
 
 @dataclass(frozen=True)
@@ -157,10 +157,16 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     stay where an object was not found."""
     upright = (motion.rotation == torch.eye(3).to(motion.rotation)).flatten(2).all(-1)
     still = upright & (motion.translation == 0).all(-1)
-    steps = motion.translation.diff(dim=0).norm(dim=-1)
+    if not bool(still.any()):
+        return still
+    middle = torch.zeros_like(motion.translation[0])
+    if len(motion.meshes) == len(middle):
+        middle = torch.stack([mesh.verts.mean(0) for mesh in motion.meshes]).to(middle)
+    places = (motion.rotation @ middle[..., None])[..., 0] + motion.translation
+    steps = places.diff(dim=0).norm(dim=-1)
     leaps = steps.isfinite() & (steps > LEAP)
     found = torch.zeros_like(still)
-    for part in torch.nonzero(still.any(0) & ~still.all(0))[:, 0].tolist():
+    for part in torch.nonzero(~still.all(0))[:, 0].tolist():
         for run in runs(still[:, part].cpu().numpy()):
             around = [step for step in (run.start - 1, run.stop - 1) if 0 <= step < len(leaps)]
             found[run, part] = leaps[around, part].all()

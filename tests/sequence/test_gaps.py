@@ -4,6 +4,7 @@ from dataclasses import replace
 import torch
 
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.sequence.gaps import blendable, fill_gaps, fill_object, filled_poses, observed_around
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
@@ -120,3 +121,13 @@ def test_poses_that_stayed_the_identity_were_not_observed():
     assert found.valid[:, 0].tolist() == [True, True, False, False, True, True]
     assert bool(found.valid[:, 1].all())
     assert torch.equal(found.translation[:, 0], place[:1, 0].expand(6, 3))
+
+
+def test_an_object_whose_poses_begin_with_the_identity_rests_there():
+    """Poses that are relative to the first frame turn a mesh about the origin of the world."""
+    verts = torch.tensor([[2.0, 0, 0], [2.1, 0, 0], [2, 0.1, 0]])
+    mesh = Mesh(verts, torch.tensor([[0, 1, 2]]))
+    turn, middle = torch.eye(3).repeat(6, 1, 1, 1), verts.mean(0)
+    turn[2:] = axis_angle_to_matrix(torch.tensor([0.0, 0.0, 0.5]))
+    place = (middle - turn @ middle).reshape(6, 1, 3)
+    assert fill_object(ObjectTrack((mesh,), turn, place)).valid is None
