@@ -27,8 +27,8 @@ from geneoh.sequence.windows import blocks
 TOLERATED = 0.012
 """Noise of the object's surface at which it counts half, metres."""
 FEW, ENOUGH = 0.3, 0.6
-"""Share of poses that agree with one another: nothing is made of less than the first, and the
-second is as good as all."""
+"""Share of the seen poses that agree with one another: nothing is made of less than the first, and
+the second is as good as all."""
 BRIDGED = 8.0
 """Frames at 30 a second from the nearest pose that agrees, over which the others are relied on."""
 AROUND = 4.0
@@ -70,14 +70,13 @@ UNPROVEN = 3.0
 
 def evidence_of_poses(
     examined: ObjectExamination, motion: ObjectTrack, fps: float
-) -> Float[Tensor, " T"]:
-    """Share, 0 to 1, by which each frame of an examined track is relied on; 1 where it is exact.
+) -> Float[Tensor, "T Q"]:
+    """Share, 0 to 1, by which each pose of an examined track is relied on; 1 where it is exact.
 
-    The least of all parts counts: which of them the hand deals with is not asked. A part that was
-    never seen is none that it deals with. `examined` is what was found in the given track, `motion`
-    the track after cleaning.
+    A part that was never seen is none that a hand deals with, and has 1. `examined` is what was
+    found in the given track, `motion` the track after cleaning.
     """
-    found = torch.ones(len(examined.confidence), device=examined.confidence.device)
+    found = torch.ones_like(examined.confidence)
     lost = examined.confidence == 0
     doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
     for part in torch.nonzero(doubtful)[:, 0].tolist():
@@ -89,12 +88,36 @@ def evidence_of_poses(
         away = np.asarray(distance_transform_edt(~kept))  # with none kept, `share` is 0
         # a bridge over unseen frames misses what the object accelerated by there
         missed = 0.5 * acceleration_around(motion, part, kept, fps) * np.square(away)
-        share = min(max((kept.mean() - FEW) / (ENOUGH - FEW), 0.0), 1.0)
+        # a frame without a pose agrees with none and contradicts none
+        agree = kept.sum() / max((kept | examined.left_out[:, part].cpu().numpy()).sum(), 1)
+        share = min(max((agree - FEW) / (ENOUGH - FEW), 0.0), 1.0)
         relied = share / (1 + (size**2 + np.square(missed)) / TOLERATED**2)
         relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED))
         relied = gaussian_filter1d(relied, FADE * fps / 30, mode="nearest")
-        found = torch.minimum(found, torch.from_numpy(relied).to(found))
+        found[:, part] = torch.from_numpy(relied).to(found)
     return found
+
+
+def evidence_at_hand(
+    poses: Float[Tensor, "T Q"], joints: Float[Tensor, "T 21 3"], surface: MovingSurface
+) -> Float[Tensor, " T"]:
+    """Share of each frame by those of its parts, of which the least counts among those that the
+    hand may deal with: a part that is apart from it, such as another object, says nothing of it.
+    """
+    if poses.shape[1] == 1 or bool((poses == 1).all()):
+        return poses.amin(1)
+    for part in range(poses.shape[1]):
+        alone = replace(
+            surface,
+            fields=surface.fields[part : part + 1],
+            rotation=surface.rotation[:, part : part + 1],
+            translation=surface.translation[:, part : part + 1],
+        )
+        beside = share_between(distance_of_nearest(joints, alone), BESIDE, APART).to(poses)
+        others = poses.clone()
+        others[:, part] = torch.maximum(poses[:, part], 1 - beside)
+        poses = others
+    return poses.amin(1)
 
 
 def acceleration_around(

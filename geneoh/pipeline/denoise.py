@@ -23,7 +23,7 @@ from geneoh.hand.model import ShapedHand
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
+from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_of
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.exchange import without_exchange
@@ -117,12 +117,12 @@ def clean_interaction(
         notes.append(NO_OBJECT)
         notes += [NOT_REFINED] if options.refine_object else ()
     notes += filled_poses(motion) if chosen.has_object else ()
-    evidence = torch.ones(sequence.frames)
+    evidence = torch.ones(sequence.frames, 1)
     if chosen.clean_object:
         palms = tuple(map(palm_of, sequence.hands))
         motion, examined = clean_object(sequence.object, sequence.fps, palms)
         notes += examined.sentences()
-        evidence = evidence_of_poses(examined, motion, sequence.fps)
+        evidence = evidence_of_poses(examined, motion, sequence.fps)[:, motion.seen_parts]
     # a part that was never seen stands at the origin, where a hand must not meet it
     met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
     seen, said = with_rays(replace(sequence, object=met), chosen)
@@ -184,7 +184,7 @@ def _subject(hand: NormalisedHand, options: Options) -> Subject:
 def _fitted(
     hand: NormalisedHand,
     subject: Subject,
-    poses: Float[Tensor, " N"],
+    relied: Float[Tensor, "N Q"],
     object_noise: Float[Tensor, " 2"] | None,
     denoisers: Denoisers,
     chosen: Preset,
@@ -193,16 +193,18 @@ def _fitted(
 ) -> FittedHand:
     """One normalised hand: three stages, selection, fit.
 
-    Frames fall back to the hand alone by as much as `poses`, how far the object's poses are relied
-    on, is below 1.
+    Frames fall back to the hand alone by as much as `relied`, how far the poses of the object's
+    parts are relied on, is below 1.
     """
     generator = torch.Generator().manual_seed(seed)
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
     given = subject.parameters()
     subject = subject.completed(given)
     surface = hand.object.surface() if hand.object.meshes else None
-    near = torch.full_like(poses, float(surface is not None and chosen.has_object))
+    near = torch.full_like(relied[:, 0], float(surface is not None and chosen.has_object))
+    poses = relied.amin(1)
     if surface is not None and chosen.has_object and chosen.clean_object:
+        poses = evidence_at_hand(relied, subject.joints, surface)
         near = evidence_of_nearness(subject.joints, surface, hand.fps, hand.track.camera_ray)
     seconds: dict[str, float] = {}
     progress_of = timed(on_progress, seconds)

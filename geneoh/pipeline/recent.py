@@ -20,7 +20,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
+from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_at
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.faults import without_faults_of
@@ -274,13 +274,13 @@ class RecentHand:
         how far the hand is taken to deal with it; and the noise.
         """
         whole = subject.joints.new_ones(len(subject.joints))
-        poses, near, noise = whole, whole, None
+        relied, near, noise = whole[:, None], whole, None
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
-            return None, poses, torch.zeros_like(whole), None
+            return None, whole, torch.zeros_like(whole), None
         if self._chosen.clean_object:
             palm = palm_at(subject.joints, subject.trust)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
-            poses = evidence_of_poses(examined, motion, NETWORK_FPS)
+            relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, motion.seen_parts]
             noise = examined.white_noise
         parts = motion.seen_parts
         surface = MovingSurface(
@@ -291,7 +291,7 @@ class RecentHand:
         )
         if self._chosen.clean_object:
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
-        return surface, poses, near, noise
+        return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:
         """The target of a window, to which that of the windows before crosses where they overlap.

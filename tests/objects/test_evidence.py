@@ -12,6 +12,7 @@ from geneoh.objects.evidence import (
     CLEAR,
     UNCLEAR,
     blended,
+    evidence_at_hand,
     evidence_of_nearness,
     evidence_of_place,
     evidence_of_poses,
@@ -87,6 +88,24 @@ def track_with_a_gap(bend: float) -> ObjectTrack:
     seen = torch.ones(FRAMES, 1, dtype=torch.bool)
     seen[40:50] = False
     return ObjectTrack((box,), torch.eye(3).expand(FRAMES, 1, 3, 3), translation, seen)
+
+
+def test_poses_that_are_seen_count_however_few_there_are():
+    motion = track_with_a_gap(0.0)
+    motion = replace(motion, valid=(torch.arange(FRAMES) < FRAMES // 8)[:, None])
+    relied = evidence_of_poses(clean_object(motion, 30.0)[1], motion, 30.0)
+    assert float(relied[:2].min()) > 0.9
+    assert float(relied[FRAMES // 2 :].max()) < 0.01
+
+
+def test_a_part_that_is_apart_from_the_hand_says_nothing_of_it():
+    boxes = track_with_a_gap(0.0).meshes * 2
+    places = torch.tensor([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]).expand(4, 2, 3)
+    surface = ObjectTrack(boxes, torch.eye(3).expand(4, 2, 3, 3), places).surface()
+    relied = torch.tensor([[1.0, 0.0]]).expand(4, 2)
+    first, second = (torch.full((4, 21, 3), 0.01) + places[:, part, None] for part in (0, 1))
+    assert evidence_at_hand(relied, first, surface).tolist() == [1.0] * 4
+    assert evidence_at_hand(relied, second, surface).tolist() == [0.0] * 4
 
 
 def test_poses_over_a_gap_count_less_the_more_the_object_accelerates():
