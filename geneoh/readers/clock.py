@@ -22,9 +22,10 @@ FRAME_NAMES = ("frame", "frames", "frame_id", "frame_ids", "frame_idx", "frame_i
 FRAME_NAMES += ("frame_indices", "frame_number", "frame_numbers")
 """Fields that number the frames."""
 UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-TIME_NAMES = {name: None for name in ("time", "times", "timestamp", "timestamps")} | {
+STAMPS = ("time", "times", "timestamp", "timestamps", "stamp", "stamps")
+TIME_NAMES = dict.fromkeys(STAMPS) | {
     f"{name}_{unit}": seconds
-    for name in ("time", "times", "timestamp", "timestamps", "tracking_timestamp")
+    for name in (*STAMPS, "tracking_timestamp")
     for unit, seconds in UNITS.items()
 }
 """Fields of times, with the seconds of their unit where the name says it."""
@@ -116,7 +117,8 @@ def observed_in(hand: HandTrack, valid: Bool[Tensor, " T"]) -> HandTrack:
         lost = ~valid.view(-1, *[1] * (values.ndim - 1))
         return values.masked_fill(lost, torch.nan) if values.is_floating_point() else valid
 
-    return hand.map(masked, FRAMES)
+    # a direction is told where there is no hand, too
+    return replace(hand.map(masked, FRAMES), camera_ray=hand.camera_ray)
 
 
 def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:

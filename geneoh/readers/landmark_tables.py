@@ -138,6 +138,12 @@ def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | Non
         swapped, plain = AXIS_AND_POINT.fullmatch(name), POINT_AND_AXIS.fullmatch(name)
         point, axis = swapped.group(2, 1) if swapped else plain.groups() if plain else ("", "x")
         number = point_number(point)
+        if number is None and point.isdecimal():
+            raise InputError(
+                f"{path}: expected the 21 points of OpenPose's order, 0 to 20, got the column "
+                f"{name!r}; save other points as npy and name their order (--joint-order), or "
+                "keep those 21"
+            )
         if number is not None:
             found[name] = (number, "xyz".index(axis))
     if len(set(found.values())) != 63:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from bad_inputs import good_arrays
 from trees import written
 
@@ -182,6 +183,28 @@ def write_table(path: Path, head: list[str], rows: list[list]) -> None:
         writer = csv.writer(file)
         writer.writerow(head)
         writer.writerows(rows)
+
+
+def test_the_camera_is_told_for_frames_that_are_left_out():
+    told = fields(KEPT / 60, frame_ids=KEPT, fps=60.0, camera_ray=[0.0, 0.0, 2.0])
+    told = {name: value for name, value in told.items() if name not in ("joints", "side")}
+    (hand,) = geneoh.from_arrays(right_joints=joints_at(KEPT / 60), **told).hands
+    assert hand.camera_ray.tolist() == [[0, 0, 1]] * EVERY
+
+
+def test_the_unit_and_the_times_of_our_own_json_are_read(tmp_path):
+    points = (1000 * joints_at(KEPT / 60)).tolist()
+    value = {"format": "geneoh-landmarks", "version": 1, "camera": [0, 0, 500]}
+    value["stamps"] = (1e18 + 1e9 * KEPT / 60).tolist()
+    value["hands"] = {"right": [{"points": hand} for hand in points]}
+    (tmp_path / "hand.json").write_text(json.dumps(value))
+    sequence = geneoh.load(tmp_path / "hand.json", keypoint_unit="mm")
+    (hand,) = sequence.hands
+    assert sequence.fps == 60
+    assert np.flatnonzero(hand.valid).tolist() == (KEPT - KEPT[0]).tolist()
+    np.testing.assert_allclose(hand.joints[hand.valid], joints_at(KEPT / 60), atol=1e-6)
+    to_wrist = hand.joints[0, 0] - torch.tensor([0, 0, 0.5])
+    torch.testing.assert_close(hand.camera_ray[0], to_wrist / to_wrist.norm())
 
 
 def test_times_in_tables_are_read(tmp_path):

@@ -255,6 +255,13 @@ def test_tables_are_read_without_a_source(name, read_table):
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
+def test_a_table_of_more_points_than_21_is_refused(read_table):
+    header, rows = TABLES["landmark_0_x"]
+    more = [*header, "landmark_21_x"], [[*row, 0.5] for row in rows]
+    with pytest.raises(InputError, match=r"'landmark_21_x'; .*--joint-order"):
+        read_table(*more, side="right")
+
+
 def test_a_table_of_excel_keeps_the_numbers_of_its_frames(tmp_path):
     header, rows = TABLES["x0"]
     write_table(tmp_path / "hand.csv", header, [rows[0], rows[1], rows[4]])

@@ -10,7 +10,8 @@ small schema:
 A frame is null where the hand was not seen, else {"points": [[x, y, z], ...], "confidence": 0.9}
 with the points in metres and one common frame of reference; MediaPipe's landmarks are in OpenPose's
 order. Sides are the subject's own. "camera", the position of the camera in that frame, may be left
-out.
+out. "timestamps" or "frame_ids", one a frame, may stand beside "fps" or in its place
+(`geneoh.readers.clock`).
 """
 
 import numpy as np
@@ -46,10 +47,13 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         return
     value, where = foreign_files.read_json(clip.path), str(clip.path)
     found = read_results(value, where, options.side)
-    yield foreign_parts(clip, found, options) if found else own_parts(value, clip.path.name, where)
+    if found:
+        yield foreign_parts(clip, found, options)
+    else:
+        yield own_parts(value, clip.path.name, where, options)
 
 
-def own_parts(value: object, name: str, where: str) -> base.ClipParts:
+def own_parts(value: object, name: str, where: str, options: base.ReaderOptions) -> base.ClipParts:
     """The interaction in a JSON of our own schema."""
     record = as_record(value, where, AS_DESCRIBED)
     if "format" not in record:
@@ -77,15 +81,20 @@ def own_parts(value: object, name: str, where: str) -> base.ClipParts:
             f"{hands.where}: expected as many frames for each hand, one or more, got {counts}; "
             "write null in frames where a hand was not seen"
         )
+    scale = METRES[options.keypoint_unit or "m"]
     read: dict[Side, tuple[Array, Array]] = {
-        side: read_frames(steps, order, hands.where) for side, steps in frames.items()
+        side: read_frames(steps, order, scale, hands.where) for side, steps in frames.items()
     }
+    rate, clock, about_time = timing_of(record, lengths.pop(), options.fps)
+    camera = scale * record.array("camera", (3,)) if "camera" in record else None
     return base.ClipParts(
         name,
         [builders.hand_track(side, *points) for side, points in read.items()],
-        fps=record.finite("fps"),
+        fps=rate,
+        clock=clock,
+        notes=about_time,
         cross_checks=base.CrossChecks({side: joints for side, (joints, _) in read.items()}),
-        camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
+        camera=None if camera is None else tuple(camera.tolist()),
     )
 
 
@@ -121,15 +130,20 @@ def foreign_parts(
     )
 
 
-def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Array, Array]:
-    """(T, 21, 3) keypoints, NaN where there are none, and (T, 21) trust."""
+def read_frames(
+    frames: list[object], order: JointOrder, scale: float, where: str
+) -> tuple[Array, Array]:
+    """(T, 21, 3) keypoints in metres, NaN where there are none, and (T, 21) trust.
+
+    `scale` is the metres of the file's unit.
+    """
     count = joint_orders.ORDERS[order].count
     points, trust = np.full((len(frames), count, 3), np.nan), np.zeros(len(frames))
     for index, frame in enumerate(frames):
         if frame is None:
             continue
         values = as_record(frame, f"{where} frame {index}", AS_DESCRIBED)
-        points[index] = values.array("points", (count, 3))
+        points[index] = scale * values.array("points", (count, 3))
         trust[index] = values.finite("confidence") if "confidence" in values else 1.0
     if ((trust < 0) | (trust > 1)).any():
         raise InputError(f"{where}: expected a confidence from 0 to 1; rescale it")
