@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import logging
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -13,14 +14,19 @@ import msgpack
 import numpy as np
 
 from geneoh.choices import SIDES, Side
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import meshes_of
+from geneoh.pipeline.first_look import SECONDS
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.stream import CleanFrame, Stream
+from geneoh.readers.clock import ASSUMED_FPS, CLOCK_NAMES, clock_of
 from geneoh.readers.npz_files import hand_arrays
 from geneoh.readers.npz_layouts import HAND_FIELDS, own_names
+from geneoh.readers.records import Record
 
 from . import options
+
+LOG = logging.getLogger(__name__)
 
 LONGEST = 2**20
 """Bytes of a frame, so that input without an end of line fills no memory."""
@@ -57,7 +63,7 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
     # before a frame is waited for, all is refused but a hand whose side the first one says
     known = kept if side else {n: value for n, value in kept.items() if n != "hand"}
     Stream(meshes, mano_dir=mano, side=side or "right", **known)
-    clean_frames(*ends(), begin, side)
+    clean_frames(*ends(), begin, side, kept.get("fps", ASSUMED_FPS))
 
 
 def ends() -> tuple[BinaryIO, BinaryIO]:
@@ -66,13 +72,13 @@ def ends() -> tuple[BinaryIO, BinaryIO]:
 
 
 def clean_frames(
-    source: BinaryIO, sink: BinaryIO, begin: Callable[..., Stream], side: Side | None
+    source: BinaryIO, sink: BinaryIO, begin: Callable[..., Stream], side: Side | None, fps: float
 ) -> None:
     """Clean the frames of `source` and write each to `sink` when it is known.
 
     Frames are one JSON object a line, or one msgpack map after the other, with the fields of the
-    file format of one frame. `begin` makes the stream of one hand, from `side`, `betas` and
-    `hand_model`; without `side`, those hands are cleaned that the first frame names.
+    file format of one frame, `fps` a second. `begin` makes the stream of one hand, from `side`,
+    `betas` and `hand_model`; without `side`, those hands are cleaned that the first frame names.
 
     Raises:
         InputError: something is no frame, and the message says which one; or there is none.
@@ -89,7 +95,7 @@ def clean_frames(
             sink.write(json.dumps(fields, separators=(",", ":")).encode() + b"\n")
         sink.flush()
 
-    for where, fields in frames:
+    for where, fields in watched(frames, side, fps):
         if not streams:
             streams = {
                 side: begin(
@@ -183,6 +189,55 @@ def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
                 f'{{"right_joints": [[x, y, z], ...]}}, got {line[:40]!r}; correct it'
             )
         yield where, fields
+
+
+def watched(
+    frames: Iterator[tuple[str, Fields]], side: Side | None, fps: float
+) -> Iterator[tuple[str, Fields]]:
+    """The same frames; a hand that the first one does not name is logged as a warning, and what
+    times and numbers in those of the first seconds say against even frames, `fps` a second.
+    """
+    expected: set[Side] = set() if side is None else set(SIDES)
+    first: list[Fields] = []
+    wanted = round(SECONDS * fps)
+    for number, (where, fields) in enumerate(frames):
+        if number == 0:
+            expected |= {each for each in SIDES if fields.keys() & set(own_names(each).values())}
+        for late in [each for each in SIDES if each not in expected and hand_in(fields, each)]:
+            expected.add(late)
+            LOG.warning(
+                "%s: the %s hand is left out, which the first frame does not name; name it there, "
+                "null where it is lost",
+                where,
+                late,
+            )
+        if len(first) < wanted:
+            first.append(fields)
+            if len(first) == wanted:
+                tell_of_times(first, fps)
+        yield where, fields
+    if 0 < len(first) < wanted:
+        tell_of_times(first, fps)
+
+
+def tell_of_times(frames: list[Fields], fps: float) -> None:
+    """Log what the times or the numbers of frames say against even ones, `fps` a second."""
+    stamps = {
+        name: [each.get(name) for each in frames] for name in CLOCK_NAMES if name in frames[0]
+    }
+    try:
+        clock = clock_of(Record("standard input", stamps, "correct it"), len(frames), fps)
+    except InputError as error:
+        LOG.warning("%s", error)
+        return
+    if clock is not None and (lost := int((~clock.observed).sum())):
+        LOG.warning(
+            "standard input: '%s' leaves out %s of the first %g seconds, and a stream takes all as "
+            "evenly apart; give one without hands for each that the tracker dropped",
+            clock.name,
+            numbered(lost, "frame"),
+            SECONDS,
+        )
 
 
 def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:

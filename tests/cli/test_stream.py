@@ -212,6 +212,30 @@ def test_a_doubt_is_one_warning_and_no_frame_is_lost(stream, lines, caplog):
     assert said.startswith("standard input: no pose of the object in the first 12 frames")
 
 
+@pytest.mark.parametrize(
+    ("times", "rate", "words"),
+    [
+        ([0, 1, 2, 4, 5, 6], "60", "'timestamp_ns' leaves out 1 frame of"),
+        ([0, 1, 2, 3, 4, 5], "30", "'timestamp_ns' says 60 frames a second, got 30"),
+        ([0, 1.2, 2, 2.8, 4, 5], "60", None),
+    ],
+)
+def test_times_that_contradict_the_rate_are_told(stream, lines, caplog, times, rate, words):
+    timed = [{**x, "timestamp_ns": t * 1e9 / 60} for x, t in zip(lines, times, strict=False)]
+    stream(timed, "--obj", "object.obj", "--fps", rate)
+    said = [record.getMessage() for record in caplog.records]
+    assert said == [] if words is None else words in said[0]
+
+
+def test_a_hand_that_the_first_line_does_not_name_is_told_once(stream, lines, caplog):
+    for line in lines[3:]:
+        line["left_joints"] = (np.array(line["right_joints"]) * [-1, 1, 1]).tolist()
+    result = stream(lines, "--obj", "object.obj")
+    assert "left_joints" not in result.stdout
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert said.startswith("standard input, line 4: the left hand is left out")
+
+
 def test_keypoints_in_another_order_end_the_stream_at_their_line(stream, lines):
     mano = np.argsort(ORDERS["mano"].entries)
     for line in lines:
