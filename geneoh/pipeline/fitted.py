@@ -123,7 +123,7 @@ class FittedHand:
             seconds=self.seconds,
             notes=(
                 *subject.notes,
-                *(doubt(self.evidence) if self.preset.has_object else ()),
+                *(doubt(self.hand.frames_to_user(self.evidence)) if self.preset.has_object else ()),
                 *through_walls(before, after),
             ),
         )

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 
 from geneoh.choices import Side
 from geneoh.geometry.mesh import Mesh
@@ -32,6 +33,11 @@ MOVING_SPEED, MOVING_TURN = 0.002, 0.02
 """Metres and radians a frame from which on something moves: a hand that rests shows nothing."""
 TRANSPOSED = "the object's rotation transposed"
 INVERTED = "the object's poses inverted, as they are world to object"
+REORDERED = (
+    "the object's quaternions taken as x y z w, which seem to have been read as w x y z",
+    "the object's quaternions taken as w x y z, which seem to have been read as x y z w",
+)
+SCATTERED = frozenset((TRANSPOSED, INVERTED, *REORDERED))
 """Readings that noise hides from the slip of a frame, and that the scatter tells."""
 Reading = tuple[Array, Array, Array]
 """(T, 3) wrist, and (T, 3, 3) rotation and (T, 3) translation of the object, metres."""
@@ -83,7 +89,7 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
         )
         return
     wanders = scatter(held, steps)
-    told = near.keys() & {TRANSPOSED, INVERTED}
+    told = near.keys() & SCATTERED
     ways = {words: scatter(near[words], steps) for words in sorted(told)}
     best = min(ways, key=ways.__getitem__, default="")
     if best and wanders > SCATTER and ways[best] < SCATTER_SHARE * wanders:
@@ -96,9 +102,14 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
 def other_readings(side: Side, wrist: Array, turn: Array, shift: Array) -> dict[str, Reading]:
     """The same numbers under other conventions, by their words."""
     j0, back = mean_wrist_offset(side), turn.transpose(0, 2, 1)
+    xyzw = Rotation.from_matrix(turn).as_quat()
     return {
         TRANSPOSED: (wrist, back, shift),
         INVERTED: (wrist, back, -(back @ shift[..., None])[..., 0]),
+        **{
+            words: (wrist, Rotation.from_quat(np.roll(xyzw, by, axis=1)).as_matrix(), shift)
+            for words, by in zip(REORDERED, (1, -1), strict=True)
+        },
         "the translation as that of the origin": (wrist + j0, turn, shift),
         "the translation as that of the wrist": (wrist - j0, turn, shift),
         "the hand in OpenGL axes": (wrist * [1.0, -1.0, -1.0], turn, shift),

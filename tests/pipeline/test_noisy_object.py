@@ -157,3 +157,11 @@ def test_an_exact_object_changes_nothing(clean):
     seen = geneoh.denoise(short, FAST)
     trusted = geneoh.denoise(short, replace(FAST, trust_object=True))
     assert torch.equal(seen.sequence.hands[0].joints, trusted.sequence.hands[0].joints)
+
+
+def test_a_note_counts_the_frames_of_the_track_and_not_those_of_the_networks(clean):
+    motion = clean.object
+    away = replace(motion, translation=motion.translation + torch.tensor([0.4, 0.0, 0.0]))
+    quick = replace(clean, object=away, fps=90.0)[:30]
+    (note,) = geneoh.denoise(quick, FAST).hands["left"].notes
+    assert note.startswith("in 30 frames the object is")

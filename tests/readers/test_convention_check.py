@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import trees
+from scipy.spatial.transform import Rotation
 from trees import FRAMES, scene
 
 from geneoh.geometry.mesh import load_mesh
@@ -128,3 +130,13 @@ def test_swapped_parts_are_told_and_the_option_mends_them(tmp_path, mano_dir):
     said = contradictions(read_one("hoi4d", tmp_path, known))
     assert any("pass --swap-parts" in words for words in said)
     assert contradictions(read_one("hoi4d", tmp_path, replace(known, swap_parts=True))) == []
+
+
+@pytest.mark.parametrize(("by", "order"), [(1, "w x y z"), (-1, "x y z w")])
+def test_quaternions_in_the_other_order_are_told(by, order):
+    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:60]
+    xyzw = Rotation.from_matrix(sequence.object.rotation[:, 0].numpy()).as_quat()
+    turn = Rotation.from_quat(np.roll(xyzw, by, axis=1)).as_matrix()
+    motion = replace(sequence.object, rotation=torch.from_numpy(turn).float()[:, None])
+    (said,) = doubts(replace(sequence, object=motion), "taco")
+    assert f"with the object's quaternions taken as {order}" in said
