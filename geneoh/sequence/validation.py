@@ -234,7 +234,7 @@ def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
         return f"determinant {determinant:.3g}, a reflection; mirror the mesh instead"
     length = abs(determinant) ** (1 / 3)
     if length < 1e-6:
-        return "determinant 0; fill frames in which the object was not found"
+        return "determinant 0; write NaN in frames in which the object was not found"
     return (
         f"determinant {determinant:.3g}; a scale belongs to the mesh, divide the matrix by it "
         "and multiply the vertices"

@@ -34,7 +34,7 @@ def test_a_plausible_sequence_passes():
         (replace(GOOD, hands=(replace(HAND, valid=~HAND.valid),)), "at least one frame"),
         (
             replace(GOOD, object=replace(OBJECT, rotation=torch.zeros(FRAMES, 1, 3, 3))),
-            "got in frame 0 determinant 0; fill frames",
+            "got in frame 0 determinant 0; write NaN in frames",
         ),
         (replace(GOOD, hands=(replace(HAND, joints=0 * HAND.joints),)), "all its keypoints in one"),
         (
