@@ -254,9 +254,9 @@ def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
 
 
 def hand_in(fields: Fields, side: Side) -> Fields | None:
-    """The fields of a hand without its side; None where the line has no hand of it."""
+    """The fields of a hand without its side, none of them empty; None where there are none."""
     names = {name: fields.get(f"{side}_{name}") for name in HAND_FIELDS if name != "betas"}
-    found = {name: value for name, value in names.items() if value is not None}
+    found = {name: value for name, value in names.items() if value not in (None, [])}
     return found or None
 
 

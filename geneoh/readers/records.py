@@ -125,12 +125,15 @@ class Record:
         return np.concatenate(arrays, axis=1)
 
     def numbers(self, name: Any) -> Array:
-        """The field as float64, whatever its shape."""
+        """The field as float64, whatever its shape; null in a list, as of JSON, is NaN."""
         value = self.values.get(name)
         if count_entries(value) > NUMBERS_LIMIT:
             raise self.refuse(name, f"at most {NUMBERS_LIMIT} numbers")
         try:
             array = np.asarray(value)
+            if array.dtype.kind == "O" and isinstance(value, list):
+                told = all(each is None or isinstance(each, int | float) for each in array.flat)
+                array = array.astype(np.float64) if told else array
         except (ValueError, OverflowError):  # rows of other lengths, integers of any size
             raise self.refuse(name, "an array of numbers") from None
         if array.dtype.kind not in "fiub":

@@ -212,6 +212,15 @@ def test_a_doubt_is_one_warning_and_no_frame_is_lost(stream, lines, caplog):
     assert said.startswith("standard input: no pose of the object in the first 12 frames")
 
 
+def test_null_within_numbers_and_an_empty_list_are_what_was_lost(stream, lines):
+    lines[2]["right_joints"] = [[None] * 3] * 21
+    lines[3]["right_joints"][8] = [None] * 3
+    lines[4]["object_translation"] = [None] * 3
+    lines[5]["right_joints"] = []
+    found = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
+    assert [line["frame"] for line in found if line["right_filled"]] == [2, 5]
+
+
 @pytest.mark.parametrize(
     ("times", "rate", "words"),
     [

@@ -35,6 +35,13 @@ def test_lists_that_hold_each_other_are_refused_before_they_become_an_array():
         Record("a.pkl", {"pose": doubled(45)}).array("pose", ("T", 48))
 
 
+def test_null_in_a_list_of_numbers_is_nan():
+    record = Record("a.json", {"points": [[1, None], [2.5, True]], "big": [10**400, None]})
+    np.testing.assert_array_equal(record.numbers("points"), [[1, np.nan], [2.5, 1]])
+    with pytest.raises(InputError, match="'big' must be an array of numbers"):
+        record.numbers("big")
+
+
 def test_bytes_that_would_grow_to_floats_are_refused(monkeypatch):
     monkeypatch.setattr(records, "NUMBERS_LIMIT", 1000)
     with pytest.raises(InputError, match="at most 1000 numbers"):
