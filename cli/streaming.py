@@ -203,7 +203,9 @@ def watched(
     for number, (where, fields) in enumerate(frames):
         if number == 0:
             expected |= {each for each in SIDES if fields.keys() & set(own_names(each).values())}
-        for late in [each for each in SIDES if each not in expected and hand_in(fields, each)]:
+        for late in SIDES:
+            if late in expected or not hand_in(fields, late):
+                continue
             expected.add(late)
             LOG.warning(
                 "%s: the %s hand is left out, which the first frame does not name; name it there, "

@@ -217,6 +217,11 @@ def test_other_json_is_refused_with_what_is_read(read):
         read({"joints": HAND.tolist()}, side="right")
 
 
+def test_frames_of_a_stream_in_a_file_are_told_how_to_be_cleaned(read):
+    with pytest.raises(InputError, match=r"frames of a stream; pipe them through .*--stream"):
+        read([{"right_joints": HAND.tolist()}])
+
+
 def write_table(path, header, rows):
     with path.open("w", newline="") as file:
         csv.writer(file).writerows([header, *rows])

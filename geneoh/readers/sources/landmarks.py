@@ -16,7 +16,7 @@ out. "timestamps" or "frame_ids", one a frame, may stand beside "fps" or in its 
 
 import numpy as np
 
-from geneoh.choices import OTHER_SIDE, JointOrder, Side
+from geneoh.choices import OTHER_SIDE, SIDES, JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
@@ -55,6 +55,12 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 def own_parts(value: object, name: str, where: str, options: base.ReaderOptions) -> base.ClipParts:
     """The interaction in a JSON of our own schema."""
+    first = value[0] if isinstance(value, list) and value else None
+    if isinstance(first, dict) and {f"{side}_joints" for side in SIDES} & first.keys():
+        raise InputError(
+            f"{where}: these are frames of a stream; pipe them through geneoh denoise --stream, "
+            "or save their fields in one npz (the page on the file format)"
+        )
     record = as_record(value, where, AS_DESCRIBED)
     if "format" not in record:
         raise InputError(
