@@ -129,6 +129,17 @@ def late(folder: Path) -> None:
     (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
 
 
+def cut(folder: Path) -> None:
+    """Fifty frames of the example recording, of which the second half is elsewhere."""
+    arrays = dict(np.load(ROOT / "examples/taco_clean.npz"))
+    frames = len(arrays["left_valid"])
+    arrays |= {n: v[50:100] for n, v in arrays.items() if v.ndim and len(v) == frames}
+    for name in ("left_joints", "left_wrist", "object_translation"):
+        arrays[name][25:] += 0.5
+    np.savez(folder / "hand.npz", **arrays)
+    (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
+
+
 def with_two_hands(exchanged: slice, *, same: bool = False) -> Callable[[Path], None]:
     """The recording's left hand and its mirror image beside it, exchanged in some frames; or the
     same hand under both names."""
@@ -334,6 +345,12 @@ SITUATIONS = [
         "The hand comes some frames later or earlier than the object that it holds",
         "left hand: timing: it seems to move 6 frames later ... (--hand-delay 6)",
         late,
+        code=0,
+    ),
+    Situation(
+        "The video is cut: a hand leaps elsewhere and stays for two thirds of a second",
+        "left hand: cuts: it leaps to another place before frame 25, ... sequence[0:25]",
+        cut,
         code=0,
     ),
     Situation(
