@@ -16,14 +16,15 @@ _TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ni
 _VALUES = {word: value for value, word in enumerate(_SMALL)}
 _VALUES |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
 _VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarter": 0.25}
-_UNITS = {"frame": 1.0, "minute": 60 * FPS}  # frames of each unit; of all others those of a second
+_UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
+"""Frames of each unit; of all others those of a second."""
 _WORD = "|".join((*_VALUES, "hundred"))
 _NUMBER = rf"\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
 _ABOUT = r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just) )*"
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
     rf"(?P<words>(?P<before>{_BEFORE})(?P<number>\b(?:{_NUMBER}))(?: of)?(?: |-)?"
-    r"(?P<unit>seconds?|secs?|s|frames?|minutes?|min)\b(?: long)?)",
+    r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b(?: long)?)",
     re.IGNORECASE,
 )
 _NO_LENGTH = re.compile(r"\b(after|every|each|ago|until|the)$", re.IGNORECASE)

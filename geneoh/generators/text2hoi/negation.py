@@ -12,9 +12,18 @@ _HAND = re.compile(rf"\b(?:but |and )?{_NOT}{_USE} {_ONE_OF}\b")
 _BARE = re.compile(
     rf"\b(?:but |and )?{_NOT}(?: (?:with|using|by|{_OWN}))* (?P<side>left|right)(?: one)?$"
 )
+_AT_REST = "idle|resting|at rest|motionless|unused"
+_STILL = rf"(?:{_AT_REST}|still|away|free|down|empty|out(?: of (?:it|the way))?)"
+_NO_ACT = r"(?:move|help|act|touch)\b(?! (?:the|a|an|his|her|my|your) )"
 _RESTING = re.compile(
-    rf"\b(?:(?:and|while|but|as) )?(?:(?:{_OWN}) )?(?P<side>left|right)(?: (?:hand|one))? "
-    r"(?:rests|does nothing|(?:is|stays|remains) (?:still|idle|resting|at rest))\b(?! (?:on|in)\b)"
+    rf"\b(?:(?:and|while|but|as|with) )?(?:(?:{_OWN}) )?(?P<side>left|right)(?: (?:hand|one))? "
+    rf"(?:rests|does nothing|hangs(?: down)?|{_AT_REST}|(?:is|stays|remains) {_STILL}"
+    rf"|(?:isn't|is not) (?:used|needed)|(?:does|should|must)(?:n't| not) {_NO_ACT})"
+    r"\b(?! (?:on|in)\b)"
+)
+_KEPT = re.compile(
+    rf"\b(?:(?:and|while|but|by) )?(?:keep|keeps|keeping|leave|leaves|leaving) (?:(?:{_OWN}) )?"
+    rf"(?P<side>left|right)(?: (?:hand|one))? {_STILL}\b(?! (?:on|in)\b)"
 )
 _NO_HAND = re.compile(rf"\bneither{_USE} hands?\b|\b{_NOT}(?:{_USE}| both)* (?:hands?|fingers)\b")
 NEGATIONS = frozenset(("not", "no", "never", "without", "avoid", "avoiding", "dont", "cannot"))
@@ -26,7 +35,7 @@ BETWEEN = frozenset(("to", "be", "being", "ever", "even", "just", "actually", "r
 def without_ruled_out(said: str) -> tuple[str, frozenset[Side]]:
     """Words of a sentence without the hand that they rule out or let rest, and its side."""
     sides: set[Side] = set()
-    for pattern in (_HAND, _BARE, _RESTING):
+    for pattern in (_HAND, _BARE, _KEPT, _RESTING):
         for match in pattern.finditer(said):
             found = match.groupdict().values()
             if pattern is not _BARE or "hand" in said.split():

@@ -19,14 +19,17 @@ MY = r"(?:the |my |your |his |her |one's )?"
 _FROM = re.compile(rf"\bfrom {MY}(left|right)\b.*\b(?:in)?to\b")
 _TO = re.compile(rf"\b(?:in)?to {MY}(left|right)\b")
 _TO_OTHER = re.compile(rf"\b(left|right)\b.*\b(?:in)?to {MY}other\b")
+_FROM_ONE = re.compile(rf"\bfrom {MY}(left|right)(?: (?:hand|one)\b|$)")
 
 
 def asked_giver(words: str) -> Side | None:
     """The hand from which lower-case words want an object passed to the other; None if not said."""
     if found := _FROM.search(words) or _TO_OTHER.search(words):
         return _side(found)
-    found = _TO.search(words)
-    return OTHER_SIDE[_side(found)] if found else None
+    if found := _TO.search(words):
+        return OTHER_SIDE[_side(found)]
+    found = _FROM_ONE.search(words)
+    return _side(found) if found else None
 
 
 def givers(actions: Actions) -> list[Side | None]:

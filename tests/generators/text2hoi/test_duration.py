@@ -18,6 +18,8 @@ from geneoh.generators.text2hoi.prompt import read_prompt
         ("a 3-second lift", "a lift", 90),
         ("shake it 2s", "shake it", 60),
         ("shake it for a minute", "shake it", 1800),
+        ("shake it for 1500 ms", "shake it", 45),
+        ("shake it for 500 milliseconds", "shake it", 15),
     ],
 )
 def test_a_length_is_taken_out_of_the_sentence(sentence, rest, frames):

@@ -19,6 +19,8 @@ from geneoh.generators.text2hoi.passing import asked_giver, givers, leads, passe
         ("the right hand passes the mug to the other hand", "right"),
         ("hand the mug over to the left hand", "right"),
         ("the left hand gives the cup into the right one", "left"),
+        ("pass the cup from the left hand", "left"),
+        ("pass the cup from the left side", None),
         ("pass the cup from hand to hand", None),
         ("pass the cup", None),
     ],

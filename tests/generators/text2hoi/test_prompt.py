@@ -173,10 +173,21 @@ def test_a_longer_verb_hides_a_shorter_one_in_it():
         ("lift the mug with the right hand, the left does nothing", "right hand"),
         ("lift the mug using the right hand while the left hand is still", "right hand"),
         ("the right one stays still and the left hand shakes the toy", "left hand"),
+        ("lift the mug and keep your left hand away", "right hand"),
+        ("keeping the left hand still, lift the mug with the right hand", "right hand"),
+        ("lift the mug, left hand idle", "right hand"),
+        ("the left hand hangs down while the mug is lifted", "right hand"),
+        ("lift the mug. The left hand isn't used.", "right hand"),
+        ("the left hand doesn't move, lift the mug", "right hand"),
     ],
 )
 def test_a_hand_that_rests_takes_no_part(sentence, hands):
     assert read_prompt(sentence).hands == hands
+
+
+@pytest.mark.parametrize("said", ["keep the left hand on the mug and lift it", "left hand lifts"])
+def test_a_hand_that_is_kept_at_the_object_takes_part(said):
+    assert read_prompt(said).hands == "left hand"
 
 
 def test_a_hand_that_rests_on_the_object_does_take_part():
@@ -205,3 +216,8 @@ def test_a_verb_is_known_without_its_particle():
 def test_of_two_actions_the_one_that_is_left_out_is_told():
     prompt = read_prompt("lift the mug and then put it down with the left hand")
     assert prompt.notes == ("one action is made, 'put down'; 'lift' is left out",)
+
+
+def test_something_that_is_passed_from_one_hand_comes_to_the_other():
+    prompt = read_prompt("pass the cup from the right hand")
+    assert (prompt.hands, prompt.giver) == ("both hands", "right")
