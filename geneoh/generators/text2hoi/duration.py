@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 
 from geneoh.errors import InputError, shortened
 from geneoh.generators.text2hoi.length import SHORTEST
@@ -19,7 +20,8 @@ _VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarter": 0.25}
 _UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
 """Frames of each unit; of all others those of a second."""
 _WORD = "|".join((*_VALUES, "hundred"))
-_NUMBER = rf"\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
+_FRACTION = r"(?:\d{1,3} )?\d{1,3}/[1-9]\d{0,2}"
+_NUMBER = rf"{_FRACTION}|\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
 _ABOUT = r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just) )*"
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
@@ -71,9 +73,9 @@ def _is_length(match: re.Match[str]) -> bool:
 
 
 def number_of(text: str) -> float:
-    """The number that digits or words say: "2.5", "two and a half", "a hundred and twenty"."""
+    """The number that digits or words say: "2.5", "1 1/2", "two and a half", "a hundred"."""
     if text[0].isdecimal():
-        return float(text.replace(",", "."))
+        return float(sum(Fraction(part) for part in text.replace(",", ".").split()))
     words = [word for word in re.split(r"[ -]", text.lower()) if word not in ("and", "of")]
     total = 0.0
     for word in words:

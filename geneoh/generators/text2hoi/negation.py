@@ -5,7 +5,9 @@ import re
 from geneoh.choices import SIDES, Side
 
 _OWN = "the|my|your|his|her|one's|their"
-_NOT = r"(?:without|not|never|no|avoid|avoiding|instead of|rather than|except|\w+n't|dont)"
+_NOT = (
+    r"(?:without|not|never|no|avoid(?:ing)?|instead of|rather than|except|anything but|\w+n't|dont)"
+)
 _USE = rf"(?: (?:to|ever|using|use|with|by|for|help|of|moving|either|any|{_OWN}))*"
 _ONE_OF = rf"(?P<side>left|right)(?: hand)?(?: (?:or|nor|and){_USE} (?P<other>left|right))? hand"
 _HAND = re.compile(rf"\b(?:but |and )?{_NOT}{_USE} {_ONE_OF}\b")

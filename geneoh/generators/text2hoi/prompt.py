@@ -147,22 +147,31 @@ def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side])
 
 def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[str, ...]]:
     """The verb of made actions, whether the sentence names it, and notes."""
-    named, model = named_verbs(words) or named_verbs(as_meant(words)), shipped_model()
+    named, meant, model = named_verbs(words), words, shipped_model()
+    if not named:
+        meant = as_meant(words)
+        named = named_verbs(meant)
     scores = dict(zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True))
     if not named:
         nearest = max(VERBS, key=lambda verb: scores[verb])
         return nearest, False, (f"no verb of the sentence is known; the nearest is '{nearest}'",)
     said = max(named, key=lambda verb: scores[verb])
-    left_out = tuple(
+    phrase_words = named[said].split()
+    notes = tuple(
+        f"'{word}' is read as '{other}'"
+        for word, other in zip(words, meant, strict=True)
+        if word != other and other in phrase_words
+    )
+    notes += tuple(
         f"one action is made, '{named[said]}'; '{phrase}' is left out"
         for verb, phrase in named.items()
         if verb in VERBS and verb != said
     )
     if said in VERBS:
-        return said, True, left_out
+        return said, True, notes
     nearest = OTHER_VERBS[said][0]
     note = f"'{named[said]}' was never learned; the nearest verb is '{nearest}'"
-    return nearest, False, (note, *left_out)
+    return nearest, False, (note, *notes)
 
 
 def named_verbs(words: Sequence[str]) -> dict[str, str]:

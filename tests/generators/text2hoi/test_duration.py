@@ -19,6 +19,8 @@ from geneoh.generators.text2hoi.prompt import read_prompt
         ("shake it 2s", "shake it", 60),
         ("shake it for a minute", "shake it", 1800),
         ("shake it for 1500 ms", "shake it", 45),
+        ("shake it for 1/2 second", "shake it", 15),
+        ("shake it for 1 1/2 seconds", "shake it", 45),
         ("shake it for 500 milliseconds", "shake it", 15),
     ],
 )

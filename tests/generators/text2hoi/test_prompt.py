@@ -176,6 +176,7 @@ def test_a_longer_verb_hides_a_shorter_one_in_it():
         ("lift the mug and keep your left hand away", "right hand"),
         ("keeping the left hand still, lift the mug with the right hand", "right hand"),
         ("lift the mug, left hand idle", "right hand"),
+        ("lift the mug using anything but the left hand", "right hand"),
         ("the left hand hangs down while the mug is lifted", "right hand"),
         ("lift the mug. The left hand isn't used.", "right hand"),
         ("the left hand doesn't move, lift the mug", "right hand"),
@@ -221,3 +222,8 @@ def test_of_two_actions_the_one_that_is_left_out_is_told():
 def test_something_that_is_passed_from_one_hand_comes_to_the_other():
     prompt = read_prompt("pass the cup from the right hand")
     assert (prompt.hands, prompt.giver) == ("both hands", "right")
+
+
+def test_a_verb_that_is_taken_for_a_misspelt_one_is_told():
+    assert "'rinse' is read as 'raise'" in read_prompt("rinse the mug").notes
+    assert not any("is read as 'r" in note for note in read_prompt("raise the mug").notes)
