@@ -22,6 +22,8 @@ from geneoh.synthesis.actions import VERBS
 
 EXAMPLE = '"pour from the kettle with the right hand"'
 
+JOINTED = ("open", "close")
+"""Verbs that were learned from objects of two parts."""
 _SIDES = rf"{MY}(left|right)( hand)?"
 _BOTH = re.compile(
     rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
@@ -83,6 +85,8 @@ def read_prompt(text: str, *, frames: int | None = None) -> Prompt:
     words = with_other_hand(sentence, words, ruled_out)
     told = sentence if words == words_of(sentence) else " ".join(words)
     verb, known, verb_notes = asked_verb(told, words)
+    if verb in JOINTED:
+        verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
     hands, hand_notes = asked_hands(told, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes)
     if stated is not None:

@@ -24,7 +24,7 @@ from geneoh.generators.text2hoi.prompt import named_verbs, read_prompt
 def test_verb_and_hands_of_plain_sentences(sentence, verb, hands):
     prompt = read_prompt(sentence)
     assert (prompt.verb, prompt.hands, prompt.known) == (verb, hands, True)
-    assert prompt.notes == ()
+    assert [note for note in prompt.notes if "has no joint" not in note] == []
 
 
 @pytest.mark.parametrize(
@@ -227,3 +227,8 @@ def test_something_that_is_passed_from_one_hand_comes_to_the_other():
 def test_a_verb_that_is_taken_for_a_misspelt_one_is_told():
     assert "'rinse' is read as 'raise'" in read_prompt("rinse the mug").notes
     assert not any("is read as 'r" in note for note in read_prompt("raise the mug").notes)
+
+
+@pytest.mark.parametrize("said", ["open the bottle", "cut the bread"])
+def test_a_mesh_that_cannot_open_or_close_is_told(said):
+    assert any("has no joint" in note for note in read_prompt(said).notes)
