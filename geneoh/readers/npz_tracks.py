@@ -31,7 +31,7 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_mode
 
 MOTION_MISSING = (
     "neither; add them, for an object that does not move the identity and zeros in every frame; "
-    "`geneoh denoise` and `batch` also take --object-pose POSES.npy"
+    "`geneoh denoise`, `generate --body` and `batch` also take --object-pose POSES.npy"
 )
 
 IN_CONFIDENCE = "write 0 where nothing is known of a keypoint, or leave the field out"

@@ -1,4 +1,4 @@
-"""Sentences on a body that contradict themselves: "the left hand waves and does not wave"."""
+"""What sentences on a body rule out, and those that contradict themselves."""
 
 import re
 from functools import cache
@@ -7,7 +7,7 @@ from geneoh.choices import SIDES
 from geneoh.errors import InputError, shortened
 from geneoh.generators.both2hands.words import said_of_gestures
 from geneoh.generators.pieces import words_of
-from geneoh.generators.text2hoi.negation import rules_out
+from geneoh.generators.text2hoi.negation import rules_out, without_ruled_out
 from geneoh.language.conjugation import forms
 
 _CLAUSE = re.compile(r"[,;.:]|\b(?:and|but|while|as|yet|although|though|whereas)\b", re.IGNORECASE)
@@ -41,6 +41,15 @@ def refuse_contradiction(sentence: str) -> None:
             f"prompt '{shortened(sentence, 60)}': expected what hands do, found that the {side} "
             f"one is to {verb} and is not to {verb}; keep one of them"
         )
+
+
+def ruled_out_words(sentence: str) -> str:
+    """The first words that rule out something else than a hand, such as "don't make"; or none."""
+    words = without_ruled_out(" ".join(words_of(sentence)))[0].split()
+    for at in range(len(words)):
+        if count := rules_out(words, at):
+            return " ".join(words[at : at + count + 1])
+    return ""
 
 
 @cache

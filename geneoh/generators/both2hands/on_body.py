@@ -14,6 +14,7 @@ from geneoh.bundle import equal_values
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.errors import InputError
+from geneoh.generators.both2hands.contradiction import ruled_out_words
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
@@ -119,6 +120,9 @@ def generate_on_body(
             f"{type(held).__name__}; a Sequence has one in .object"
         )
     body = body_of(body)
+    if words := ruled_out_words(sentence):
+        note = f"'{words}' may not be followed; say what the hands do instead"
+        body = replace(body, notes=(*body.notes, note))
     paced = at_rate(body, FPS)
     made = generate_hands(
         grounded(paced.skeleton, paced.motion),

@@ -20,7 +20,7 @@ _NO_ACT = r"(?:move|help|act|touch)\b(?! (?:the|a|an|his|her|my|your) )"
 _RESTING = re.compile(
     rf"\b(?:(?:and|while|but|as|with) )?(?:(?:{_OWN}) )?(?P<side>left|right)(?: (?:hand|one))? "
     rf"(?:rests|does nothing|hangs(?: down)?|{_AT_REST}|(?:is|stays|remains) {_STILL}"
-    rf"|(?:isn't|is not) (?:used|needed)|(?:does|should|must)(?:n't| not) {_NO_ACT})"
+    rf"|(?:isn't|is not) (?:used|needed|moving)|(?:does|should|must)(?:n't| not) {_NO_ACT})"
     r"\b(?! (?:on|in)\b)"
 )
 _KEPT = re.compile(

@@ -157,6 +157,16 @@ def test_a_sentence_without_words_or_with_too_many_is_refused(asked, sentence):
     assert not asked
 
 
+def test_what_a_sentence_rules_out_is_told(asked):
+    def notes(sentence: str) -> tuple[str, ...]:
+        return generate_on_body(sentence, bodies.recording()).body.notes
+
+    usual = notes("the right hand waves, not the left hand")
+    told = "'don't make' may not be followed; say what the hands do instead"
+    assert notes("Don't make a fist.") == (*usual, told)
+    assert "not be followed" not in " ".join(usual)
+
+
 def test_a_single_frame_gets_hands_too(asked, tmp_path):
     path = bodies.smplx_names(tmp_path / "a.npz", bodies.swaying(1))
     assert generate_on_body("rest", read_body(path)).sequence.frames == 1

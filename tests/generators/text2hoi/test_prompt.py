@@ -179,6 +179,7 @@ def test_a_longer_verb_hides_a_shorter_one_in_it():
         ("lift the mug using anything but the left hand", "right hand"),
         ("the left hand hangs down while the mug is lifted", "right hand"),
         ("lift the mug. The left hand isn't used.", "right hand"),
+        ("the left hand is not moving, the mug is lifted", "right hand"),
         ("the left hand doesn't move, lift the mug", "right hand"),
     ],
 )
