@@ -21,6 +21,7 @@ from geneoh.bundle import Bundle, conform, equal_values
 from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
+from geneoh.files.outputs import is_ours
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 from geneoh.interrupts import interrupts_wait
 
@@ -126,6 +127,11 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
         )
     if not path.is_file():
         raise InputError(f"{path}: no such mesh file; check the path")
+    if is_ours(path):
+        raise InputError(
+            f"{path}: expected the mesh of an object, got a scene with hands that geneoh wrote; "
+            "give the object's own file"
+        )
     mesh = plain_obj(path) or by_trimesh(path)
     mesh = checked(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
     return tidied(mesh) if tidy else mesh

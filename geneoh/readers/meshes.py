@@ -10,6 +10,7 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
+from geneoh.files.outputs import is_ours
 from geneoh.geometry.mesh import MESH_SUFFIXES, METRES, Mesh, load_mesh
 from geneoh.readers.npz_layouts import MESH_FIELDS
 from geneoh.readers.records import Array, Record
@@ -34,9 +35,9 @@ def find_mesh(
 
 
 def mesh_beside(path: Path) -> tuple[Path, ...]:
-    """The mesh file beside a file that has its name, where there is one."""
+    """The mesh file beside a file that has its name, where there is one; no GLB of ours."""
     meshes = (path.with_suffix(suffix) for suffix in MESH_SUFFIXES)
-    return tuple(mesh for mesh in meshes if mesh.is_file())[:1]
+    return tuple(mesh for mesh in meshes if mesh.is_file() and not is_ours(mesh))[:1]
 
 
 def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import load_mesh
+from geneoh.readers.meshes import mesh_beside
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.viz.glb import glb_bytes, upright
 from geneoh.viz.look import Look
@@ -136,3 +139,11 @@ def test_three_js_plays_every_frame_where_it_is_in_the_world(scene, glb, node_mo
         expected = {"right_hand": hand.verts[frame], "object_2": scene.object_verts(1, frame)}
         for name, verts in expected.items():
             np.testing.assert_allclose(played[name], verts.numpy() @ turn.T, atol=1e-4)
+
+
+def test_a_glb_of_ours_is_no_mesh_of_an_object(scene, tmp_path):
+    path = tmp_path / "clip.glb"
+    path.write_bytes(glb_bytes(scene))
+    with pytest.raises(InputError, match="got a scene with hands that geneoh wrote"):
+        load_mesh(path)
+    assert mesh_beside(tmp_path / "clip.npz") == ()
