@@ -123,6 +123,9 @@ def generate_on_body(
     if words := ruled_out_words(sentence):
         note = f"'{words}' may not be followed; say what the hands do instead"
         body = replace(body, notes=(*body.notes, note))
+    if held is not None and held.is_seen and not held.meshes:
+        note = "the object has poses and no mesh, so that no hand is brought to it; --obj names one"
+        body = replace(body, notes=(*body.notes, note))
     paced = at_rate(body, FPS)
     made = generate_hands(
         grounded(paced.skeleton, paced.motion),

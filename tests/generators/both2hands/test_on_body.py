@@ -167,6 +167,16 @@ def test_what_a_sentence_rules_out_is_told(asked):
     assert "not be followed" not in " ".join(usual)
 
 
+def test_an_object_without_a_mesh_is_told(asked, held):
+    body = bodies.recording()
+    for given, told in (
+        (replace(held, meshes=()), True),
+        (ObjectTrack.resting((), body.frames), False),
+    ):
+        notes = generate_on_body("rest", body, held=given).body.notes
+        assert any("poses and no mesh" in note for note in notes) == told
+
+
 def test_a_single_frame_gets_hands_too(asked, tmp_path):
     path = bodies.smplx_names(tmp_path / "a.npz", bodies.swaying(1))
     assert generate_on_body("rest", read_body(path)).sequence.frames == 1
