@@ -89,6 +89,8 @@ class LazyGroup(click.Group):
         except click.UsageError as error:
             command = error.ctx.command_path if error.ctx else ctx.command_path
             message = error.format_message().rstrip(".")
+            if "extra argument" in message:
+                message += "; put a text with spaces in quotes"
             raise failed(f"{message}; see `{command} --help`", error.exit_code) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise

@@ -56,6 +56,11 @@ def test_a_verb_that_was_never_learned_is_told_with_the_nearest(generate, made):
     assert "note: 'brush' was never learned; the nearest verb is" in result.output
 
 
+def test_a_sentence_without_quotes_is_told_to_be_put_in_them(generate, made):
+    result = generate(*SENTENCE.split(), "--obj", "box.obj", code=2)
+    assert "put a text with spaces in quotes" in result.stderr
+
+
 def test_a_sentence_may_be_in_a_file(generate, made):
     Path("prompt.txt").write_text(SENTENCE + "\n")
     generate("@prompt.txt", "--obj", "box.obj")
