@@ -9,10 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import OTHER_SIDE, JointOrder, Side
+from geneoh.choices import OTHER_SIDE, Side
 from geneoh.errors import InputError
-from geneoh.hand.skeleton import KEYPOINT_PARENTS
-from geneoh.readers.joint_orders import ORDERS
+from geneoh.readers.joint_orders import shorter_order
 from geneoh.sequence.sequence import HandTrack
 
 MIDDLE_JOINTS = (2, 5, 8, 11)
@@ -26,9 +25,6 @@ FINGER_TO = [start + 1 for start in FINGER_FROM]
 """Keypoints at both ends of the bones of these fingers."""
 LONGEST_LINK = 0.8
 """Share of the palm's length that no bone of a finger reaches; the longest measured is 0.6."""
-SHORTER_BONES = 0.9
-"""Share of the bones' total length below which another order of the keypoints is the true one; with
-up to 40 mm of noise the true order has the shortest bones."""
 REORDER = "reorder them, or pass --joint-order {order} where they are bare keypoints"
 """What to do about a file whose keypoints are in another order."""
 CURL_LIMIT = 0.1
@@ -47,30 +43,10 @@ def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
         )
 
 
-def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:
-    """The order in which the keypoints have much shorter bones than in OpenPose's, if any."""
-    totals: dict[JointOrder, float] = {
-        name: bones_length(joints[:, list(order.entries)])
-        for name, order in ORDERS.items()
-        if sorted(order.entries) == list(range(21))
-    }
-    best = min(totals, key=totals.__getitem__)
-    return best if totals[best] < SHORTER_BONES * totals["openpose"] else None
-
-
 def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
     """Keypoints of the observed frames, NaN where one has no confidence."""
     assert hand.joints is not None, "asked for the joints of a track that has none"
     return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
-
-
-def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
-    """Total length of the bones of a hand in OpenPose order, each the median of all frames.
-
-    NaN where a keypoint is in none of them.
-    """
-    bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
-    return float(bones.norm(dim=-1).nanmedian(0).values.sum())
 
 
 def check_keypoint_order(hand: HandTrack) -> Iterator[str]:

@@ -3,8 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.choices import JointOrder
+from geneoh.errors import InputError
+from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.readers.records import Array, Record
 
 
@@ -31,6 +36,9 @@ THUMB_BASE, THUMB_NEXT = 1, 2
 THUMB_BASE_SHARE = 0.4
 """Place of the thumb's base between the wrist and the next joint of the thumb, as a share of that
 way, in MANO's mean hand."""
+SHORTER_BONES = 0.9
+"""Share of the bones' total length below which another order of the keypoints is the true one; with
+up to 40 mm of noise the true order has the shortest bones."""
 
 
 def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
@@ -47,7 +55,16 @@ def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
 
 
 def in_openpose_order(record: Record, points: Array, order: JointOrder) -> Record:
-    """The fields with (T, N, 3) `points` in OpenPose's order as 'joints', and 'confidence' too."""
+    """The fields with (T, N, 3) `points` in OpenPose's order as 'joints', and 'confidence' too.
+
+    `InputError` where they are certainly in another order than a named one; that they are not in
+    OpenPose's is told when the sequence is checked.
+    """
+    if order != "openpose" and (other := shorter_order(torch.from_numpy(points), order)):
+        raise InputError(
+            f"{record.where}: the keypoints must be in the order {order}, as --joint-order says, "
+            f"got bones that only a hand in the order {other} has; pass --joint-order {other}"
+        )
     joints, trust = openpose_order(points, order)
     given = record.optional_array("confidence", ("T", ORDERS[order].count), ("T",))
     values = {**record.values, "joints": joints}
@@ -59,3 +76,25 @@ def in_openpose_order(record: Record, points: Array, order: JointOrder) -> Recor
     else:
         given = openpose_order(given[..., None], order)[0][..., 0]
     return replace(record, values={**values, "confidence": given * trust})
+
+
+def shorter_order(
+    points: Float[Tensor, "T N 3"], given: JointOrder = "openpose"
+) -> JointOrder | None:
+    """The order in which the keypoints have much shorter bones than in the given one, if any."""
+    totals: dict[JointOrder, float] = {
+        name: bones_length(torch.from_numpy(openpose_order(points.numpy(force=True), name)[0]))
+        for name, order in ORDERS.items()
+        if name == given or sorted(order.entries) == list(range(points.shape[1]))
+    }
+    best = min(totals, key=totals.__getitem__)
+    return best if totals[best] < SHORTER_BONES * totals[given] else None
+
+
+def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
+    """Total length of the bones of a hand in OpenPose order, each the median of all frames.
+
+    NaN where a keypoint is in none of them.
+    """
+    bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
+    return float(bones.norm(dim=-1).nanmedian(0).values.sum())

@@ -9,6 +9,7 @@ from bad_inputs import FRAMES, REFUSED, good_arrays, with_arrays, write_good
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
+from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz_files import load, save_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -183,12 +184,26 @@ def test_the_callers_poses_move_an_object_that_the_file_leaves_out(tmp_path):
 
 def test_an_order_of_keypoints_is_for_bare_joints_and_moves_their_confidence(tmp_path):
     confidence = np.linspace(0, 1, 21)[None].repeat(FRAMES, 0)
-    with_arrays(confidence=confidence)(tmp_path)
+    with_arrays(joints=in_order_mano(good_arrays()["joints"]), confidence=confidence)(tmp_path)
     hand = load(tmp_path / "hand.npz", joint_order="mano").hands[0]
     np.testing.assert_allclose(hand.confidence[0, :3], confidence[0, [0, 13, 14]], rtol=1e-6)
     save_sequence(two_hands(), tmp_path / "own.npz")
     with pytest.raises(InputError, match="always in OpenPose order; drop the option"):
         load(tmp_path / "own.npz", joint_order="mano")
+
+
+def test_keypoints_in_another_order_than_the_named_one_are_refused(tmp_path):
+    write_good(tmp_path)
+    with pytest.raises(InputError, match=r"in the order mano, .*; pass --joint-order openpose"):
+        load(tmp_path / "hand.npz", joint_order="mano")
+    np.save(tmp_path / "hand.npy", in_order_mano(good_arrays()["joints"]))
+    with pytest.raises(InputError, match=r"in the order fphab, .*; pass --joint-order mano"):
+        load(tmp_path / "hand.npy", side="right", joint_order="fphab")
+
+
+def in_order_mano(joints):
+    """Keypoints in OpenPose's order, brought into MANO's."""
+    return joints[:, np.argsort(ORDERS["mano"].entries)]
 
 
 def test_messages_and_sources_shorten_what_a_file_holds(tmp_path):

@@ -134,8 +134,8 @@ def landmarks(root: Path, s: Scene, wrong: bool) -> None:
 
 
 def keypoint_array(root: Path, s: Scene, wrong: bool) -> None:
-    order = np.argsort(ORDERS["mano" if wrong else "fphab"].entries)
-    np.save(root / "hand.npy", s.joints["right"][:, order])
+    order = np.argsort(ORDERS["fphab"].entries)
+    np.save(root / "hand.npy", s.joints["right"][:, order[::-1] if wrong else order])
 
 
 def parameter_array(root: Path, s: Scene, wrong: bool) -> None:
