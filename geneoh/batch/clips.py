@@ -9,6 +9,7 @@ import csv
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from glob import glob, has_magic
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,14 @@ def is_manifest(path: Path) -> bool:
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
     with open_text(path, MANIFEST_LIMIT) as file:
-        return not {"input", "meshes"}.isdisjoint(names_in(csv.reader([file.readline()])))
+        heading = file.readline()
+    names = names_in(csv.reader([heading], delimiter=separator_of(heading)))
+    return not {"input", "meshes"}.isdisjoint(names)
+
+
+def separator_of(heading: str) -> str:
+    """What separates the cells of a table: Excel writes semicolons where decimals have commas."""
+    return max(",;\t", key=heading.count)
 
 
 def names_in(rows: Iterator[list[str]]) -> list[str]:
@@ -148,7 +156,9 @@ def names_in(rows: Iterator[list[str]]) -> list[str]:
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
     """The clips of all rows; one whose files are not there keeps the reason as its problem."""
     with open_text(path, MANIFEST_LIMIT) as file:
-        rows = csv.reader(file, skipinitialspace=True)
+        heading = file.readline()
+        separator = separator_of(heading)
+        rows = csv.reader(chain([heading], file), delimiter=separator, skipinitialspace=True)
         names = names_in(rows)
         if unknown := [name for name in names if name not in COLUMNS]:
             hint = closest_name(unknown[0], COLUMNS)
@@ -158,7 +168,7 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
                 f"{path}: a manifest needs the column 'input', got {', '.join(names)}; add it"
             )
         lines: dict[str, int] = {}  # of the names that are given
-        for row in filter(None, rows):
+        for row in filter(any, rows):
             where = f"{path}, line {rows.line_num}"
             if len(row) != len(names) or not (cells := dict(zip(names, row, strict=True)))["input"]:
                 raise InputError(

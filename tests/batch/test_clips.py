@@ -110,6 +110,13 @@ def test_the_columns_of_a_manifest_may_be_quoted_and_in_any_order(found, tmp_pat
     assert list(found(manifest(tmp_path, heading, "first,in/clip0.npz"))) == ["first"]
 
 
+@pytest.mark.parametrize("separator", [";", "\t", ","])
+def test_a_manifest_may_be_as_excel_saves_it(found, tmp_path, separator):
+    rows = ("input,options", 'in/clip0.npz,"seed=3; side=left"', ",")
+    (clip,) = found(manifest(tmp_path, *(row.replace(",", separator) for row in rows))).values()
+    assert (clip.settings, clip.reading) == ({"seed": 3}, {"side": "left"})
+
+
 def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
     for rows, words in (
         (("inputs,meshes", "in/clip0.npz,"), "'inputs' is no column.*did you mean 'input'"),
