@@ -11,7 +11,7 @@ from typing import Any
 def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
     """All that is known of this installation, as JSON can hold it."""
     parts = {"versions": versions(), "devices": devices()}
-    return parts | {"hands": hands(mano_dir), "weights": weights()}
+    return parts | {"hands": hands(mano_dir), "weights": weights(), "generators": generators()}
 
 
 def versions() -> dict[str, Any]:
@@ -50,13 +50,27 @@ def hands(mano_dir: Path | None) -> dict[str, Any]:
 
 
 def weights() -> dict[str, Any]:
-    """The shipped networks, each with its size and how it was trained."""
+    """The shipped networks of the cleaner."""
     from geneoh.denoisers.library import SHIPPED
+
+    return networks(SHIPPED)
+
+
+def generators() -> dict[str, Any]:
+    """The shipped networks of the generators."""
+    from geneoh.generators.both2hands import library as both2hands
+    from geneoh.generators.text2hoi import library as text2hoi
+
+    return networks(text2hoi.SHIPPED) | networks(both2hands.SHIPPED)
+
+
+def networks(folder: Path) -> dict[str, Any]:
+    """The networks in a folder, each with its size and how it was trained."""
     from geneoh.errors import CheckpointError
     from geneoh.nn.checkpoint import load_checkpoint
 
     found: dict[str, Any] = {}
-    for path in sorted(SHIPPED.glob("*.safetensors")):
+    for path in sorted(folder.glob("*.safetensors")):
         try:
             checkpoint = load_checkpoint(path)
         except CheckpointError as error:

@@ -11,9 +11,9 @@ from .. import options
 @options.flag("--json as_json: Print all details as one JSON object.")
 @options.mano
 def info(mano: Path | None, as_json: bool) -> None:
-    """Show versions, devices, hand models and weights.
+    """Show versions, devices, hand models and weights of the cleaner.
 
-    With --json also how the weights were trained.
+    With --json also weights of the generators, and how all were trained.
     """
     from geneoh.files.json_text import json_text
 

@@ -36,7 +36,7 @@ def place_of(given: Any, caller: str) -> Place:
 def place_in(text: str) -> Place:
     """A place from `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
     try:
-        x, y, z = (0.0, 0.0, 0.0) if text == "origin" else map(float, text.split(","))
+        x, y, z = (0.0, 0.0, 0.0) if text.lower() == "origin" else map(float, text.split(","))
     except ValueError:
         raise InputError(
             f"expected three numbers X,Y,Z in metres, or origin, got {text!r}; correct it"

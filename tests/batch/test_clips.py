@@ -98,7 +98,7 @@ def test_a_manifest_says_of_each_clip_what_differs(found, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("said", "camera"), [("origin", (0, 0, 0)), ("-0.5,1,2e-1", (-0.5, 1, 0.2))]
+    ("said", "camera"), [("ORIGIN", (0, 0, 0)), ("-0.5,1,2e-1", (-0.5, 1, 0.2))]
 )
 def test_a_manifest_names_a_camera_as_the_command_line_does(found, tmp_path, said, camera):
     (clip,) = found(manifest(tmp_path, "input,options", f'in/clip0.npz,"camera={said}"')).values()

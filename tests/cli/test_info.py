@@ -36,6 +36,8 @@ def test_info_as_json_holds_how_the_weights_were_trained(geneoh, tmp_path):
     assert "MANO_RIGHT.pkl" in found["hands"]["mano right"]["problem"]
     assert found["weights"]["motion"]["training"]["stage"] == "motion"
     assert found["weights"]["motion"]["training"]["config"]["motion"]["depth"] > 0
+    for stage in ("text", "interaction", "body_hands"):
+        assert "config" in found["generators"][stage]["training"]
 
 
 def test_info_as_json_has_null_where_there_is_no_number(geneoh, tmp_path, monkeypatch):
