@@ -247,10 +247,11 @@ def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
     sides = SIDES if asked is None else (asked,)
     found: list[Side] = [s for s in sides if any(n in fields for n in own_names(s).values())]
     if not found:
+        cure = "add one" if asked is None else f"add one, or correct --side {asked}"
         raise InputError(
             f"{where}: the first frame must name its hands by fields such as "
             f"'{asked or 'right'}_joints', null where a hand is lost, got "
-            f"{', '.join(map(repr, [*fields][:10])) or 'none'}; add one"
+            f"{', '.join(map(repr, [*fields][:10])) or 'none'}; {cure}"
         )
     return found
 

@@ -163,6 +163,7 @@ def test_a_first_line_without_the_hand_that_is_asked_for_is_refused(stream, line
     result = stream(lines, "--obj", "object.obj", "--side", "left", code=2)
     assert result.stdout == ""
     assert "such as 'left_joints'" in result.stderr
+    assert "or correct --side left" in result.stderr
 
 
 @pytest.mark.parametrize("given", [b"", b"\n \n"])
