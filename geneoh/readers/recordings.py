@@ -220,8 +220,8 @@ def with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording
 def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = None) -> Recording:
     """The one recording at a path, or the one of a name; `InputError` lists them if several."""
     source = source_named(name)
-    clips = find_clips(source, [path])
-    clips = [one for one in clips if clip is None or clip.startswith(one.name)]
+    there = find_clips(source, [path])
+    clips = [one for one in there if clip is None or clip.startswith(one.name)]
     found = []
     if len(clips) == 1 or clip is not None:
         read_all = ((one, found) for one in clips for found in read_clip(source, one, options))
@@ -229,7 +229,8 @@ def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = N
         found = [one for one in found if one.name == clip] or found
     if len(found) == 1:
         return found[0]
-    names = ", ".join(one.name for one in (found or clips)[:8]) or "none of that name"
+    names = ", ".join(one.name for one in (found or there)[:8])
+    names = names if found or clip is None else f"none of the name {clip} but {names}"
     raise InputError(
         f"{path}: expected one recording, got {names}; choose one with --clip NAME, or convert "
         "all of them with `geneoh convert`"

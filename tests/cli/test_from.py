@@ -78,7 +78,7 @@ def test_an_estimators_hands_are_cleaned_against_the_callers_object(
     ("options", "words"),
     [
         ((), "choose one with --clip NAME"),
-        (("--clip", "nothing"), "got none of that name"),
+        (("--clip", "nothing"), "got none of the name nothing but _stir__spoon__bowl_/2023"),
         (("--clip", "_stir__spoon__bowl_/20230917_001_tool", "--side", "left"), "drop --side"),
         (("--clip", "_stir__spoon__bowl_/20230917_001_tool", "--obj", "box.obj"), "got --obj as"),
     ],
