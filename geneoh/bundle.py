@@ -104,6 +104,13 @@ def equal_values(self: Any, other: Any) -> bool:
     return _same(self, other) if type(self) is type(other) else NotImplemented
 
 
+def repr_by_shapes(self: Any) -> str:
+    """The fields, with tensors by their shapes. It is the `__repr__` of dataclasses that hold
+    tensors, whose own would be as long as they are."""
+    shown = ", ".join(f"{field.name}={_shown(getattr(self, field.name))}" for field in fields(self))
+    return f"{type(self).__name__}({shown})"
+
+
 def conform(bundle: Bundle, name: str) -> None:
     """Make tensors of the arrays, lists and numbers that a bundle was made with; floats as float32.
 
@@ -213,6 +220,17 @@ def _same(a: Any, b: Any) -> bool:
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
     return a == b or (a != a and b != b)
+
+
+def _shown(value: Any) -> str:
+    """A value with the tensors in it by their shapes."""
+    if isinstance(value, Tensor | np.ndarray):
+        return f"{type(value).__name__}{tuple(value.shape)}"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_shown, value))}{',' * (len(value) == 1)})"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_shown(each)}' for key, each in value.items())}}}"
+    return repr(value)
 
 
 def _leaves(bundle: Bundle) -> list[Any]:

@@ -135,3 +135,8 @@ def test_a_new_per_frame_field_of_a_track_is_cut_by_its_annotation_alone():
     assert cut.speed.tolist() == [1, 2]
     assert cut.touched.shape == (2, 4)
     assert torch.equal(cut.width, track.width)
+
+
+def test_a_bundle_is_shown_by_the_shapes_of_its_tensors():
+    track = HandTrack("left", torch.ones(4, dtype=torch.bool), joints=torch.zeros(4, 21, 3))
+    assert "side='left', valid=Tensor(4,), joints=Tensor(4, 21, 3), pose=None" in repr(track)

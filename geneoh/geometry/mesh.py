@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
-from geneoh.bundle import Bundle, conform, equal_values
+from geneoh.bundle import Bundle, conform, equal_values, repr_by_shapes
 from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
@@ -62,6 +62,7 @@ class Mesh(Bundle):
     """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
         """What equal meshes have in common."""

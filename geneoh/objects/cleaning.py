@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float64
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from geneoh.bundle import Bundle, equal_values
+from geneoh.bundle import Bundle, equal_values, repr_by_shapes
 from geneoh.errors import numbered
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
@@ -71,6 +71,7 @@ class ObjectExamination(Bundle):
     """The poses as they were given, but for symmetric ones, which are turned back."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
     @property
     def white_noise(self) -> Float[Tensor, " 2"]:

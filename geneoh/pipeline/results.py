@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, equal_values
+from geneoh.bundle import Bundle, equal_values, repr_by_shapes
 from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
@@ -58,6 +58,7 @@ class HandResult(Bundle):
     cannot be relied on, by the prior of hand motion alone."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,7 @@ class Denoised(Bundle):
     """What is doubtful about the input, such as its side, each with what cures it."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
 
 def clean_track(

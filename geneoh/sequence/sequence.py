@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, Index, conform, equal_values
+from geneoh.bundle import Bundle, Index, conform, equal_values, repr_by_shapes
 from geneoh.choices import HAND_SOURCES, OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
@@ -45,6 +45,7 @@ class HandTrack(Bundle):
     images; None where it is not known (`geneoh.sequence.camera`)."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
         """What equal tracks have in common."""
@@ -118,6 +119,7 @@ class ObjectTrack(Bundle):
     """Why the meshes that its file names are not here, in words; empty where it names none."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
         """What equal tracks have in common."""

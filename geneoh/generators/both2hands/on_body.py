@@ -10,7 +10,7 @@ import torch
 
 from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
-from geneoh.bundle import equal_values
+from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.errors import InputError
@@ -74,6 +74,7 @@ class BodyWithHands:
     """What the cleaner did; None without an object."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
     def wrists_apart(self) -> float:
         """How far a wrist of the body is from that of its hand at most, metres."""

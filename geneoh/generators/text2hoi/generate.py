@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.bundle import equal_values
+from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
@@ -85,6 +85,7 @@ class Generated:
     """What the cleaner did; None without it."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
 
 @checked_call

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose, turned
 from geneoh.body.skeleton import JOINT_NAMES, Skeleton
-from geneoh.bundle import Bundle, equal_values
+from geneoh.bundle import Bundle, equal_values, repr_by_shapes
 from geneoh.choices import Axis
 from geneoh.errors import InputError
 from geneoh.geometry.axes import nearest_axis, turn_up
@@ -48,6 +48,7 @@ class BodyRecording(Bundle):
     """What had to be assumed, in words."""
 
     __eq__ = equal_values
+    __repr__ = repr_by_shapes
 
     @property
     def frames(self) -> int:
