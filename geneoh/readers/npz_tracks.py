@@ -70,7 +70,8 @@ def side_of(record: Record, given: Side | None) -> Side:
         )
     if side is not None and given not in (None, side):
         raise InputError(
-            f"{record.where}: 'side' says {side}, got --side {given}; drop one of the two"
+            f"{record.where}: 'side' says {side}, where the {given} hand is asked for; correct one "
+            "of the two"
         )
     return given or ("left" if side == "left" else "right")
 

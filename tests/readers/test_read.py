@@ -162,7 +162,7 @@ def test_bare_parameters_are_read_with_what_their_file_says_beside_them(
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"side": "right"}, "'side' says left, got --side right"),
+        ({"side": "right"}, "'side' says left, where the right hand is asked for"),
         ({"fps": 30.0}, "says 60 frames a second, got --fps 30"),
     ],
 )
