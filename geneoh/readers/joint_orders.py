@@ -83,7 +83,7 @@ def shorter_order(
 ) -> JointOrder | None:
     """The order in which the keypoints have much shorter bones than in the given one, if any."""
     totals: dict[JointOrder, float] = {
-        name: bones_length(torch.from_numpy(openpose_order(points.numpy(force=True), name)[0]))
+        name: bones_length(torch.from_numpy(openpose_order(points.cpu().numpy(), name)[0]))
         for name, order in ORDERS.items()
         if name == given or sorted(order.entries) == list(range(points.shape[1]))
     }
