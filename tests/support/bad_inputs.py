@@ -233,7 +233,9 @@ REFUSED = (
     BadInput("The side is not said", ("--side left or --side right",), with_arrays(side=None)),
     BadInput("wrong side", ("side", "'left' or 'right'", "'both'"), with_arrays(side="both")),
     BadInput(
-        "The side is contradicted", ("--side left", "'side' says right"), options=("--side", "left")
+        "The side is contradicted",
+        ("left hand is asked", "'side' says right"),
+        options=("--side", "left"),
     ),
     BadInput(
         "Fields of two layouts",
