@@ -88,8 +88,8 @@ def smoothed(
         observed = truth[:, number] + offsets[:, number]
         mean = observed[seen].mean()
         of_seen = known[np.ix_(seen, seen)] + sizes[number] ** 2 * frames[np.ix_(seen, seen)]
-        gain = known[:, seen] @ np.linalg.solve(of_seen, observed[seen] - mean)
-        errors[:, number] = mean + gain - truth[:, number]
+        posterior = mean + known[:, seen] @ np.linalg.solve(of_seen, observed[seen] - mean)
+        errors[:, number] = posterior - truth[:, number]
     return perturbed(hand, torch.from_numpy(errors).float(), hand.valid)
 
 
@@ -97,7 +97,8 @@ def lines(seeds: int) -> Iterator[str]:
     """The table."""
     clean = clip_of(RECORDING)
     (hand,), number = clean.hands, np.arange(clean.frames)
-    seconds = np.abs(number[:, None] - number) / clean.fps
+    seconds, truth = np.abs(number[:, None] - number) / clean.fps, hand.joints
+    assert truth is not None, "the recording has keypoints"
     motion = [fitted_covariance(values, seconds) for values in parameters(hand).T]
     yield "| noise | input | filter | smoother told the truth | geneoh |"
     yield "|---|---|---|---|---|"
@@ -108,11 +109,11 @@ def lines(seeds: int) -> Iterator[str]:
             (track,) = noisy.hands
             best = smoothed(track, hand, noise, motion)
             simple = filtered(track, TUNED["savgol", "parameters"], "parameters", noisy.fps)
-            found = geneoh.denoise(noisy, seed=seed).sequence.hands[0].joints
-            seen = track.valid
-            pairs = [(track.joints[seen], hand.joints[seen])]
-            pairs += [(joints, hand.joints) for joints in (simple, best.joints, found)]
-            errors.append([1e3 * float(mpjpe(*pair).mean()) for pair in pairs])
+            found = geneoh.denoise(noisy, seed=seed).sequence.hands[0]
+            versions = (track.joints, simple, best.joints, found.joints)
+            errors.append(
+                [1e3 * float(mpjpe(v, truth).nanmean()) for v in versions if v is not None]
+            )
         yield f"| `{noise}` | " + " | ".join(f"{error:.1f}" for error in np.mean(errors, 0)) + " |"
 
 

@@ -17,7 +17,7 @@ from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
-from geneoh.files.reading import open_text
+from geneoh.files.reading import open_text, separator_of
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
@@ -141,11 +141,6 @@ def is_manifest(path: Path) -> bool:
         heading = file.readline()
     names = names_in(csv.reader([heading], delimiter=separator_of(heading)))
     return not {"input", "meshes"}.isdisjoint(names)
-
-
-def separator_of(heading: str) -> str:
-    """What separates the cells of a table: Excel writes semicolons where decimals have commas."""
-    return max(",;\t", key=heading.count)
 
 
 def names_in(rows: Iterator[list[str]]) -> list[str]:

@@ -65,6 +65,11 @@ def open_text(path: Path, limit: int) -> TextIO:
         raise unreadable(path, error) from None
 
 
+def separator_of(heading: str) -> str:
+    """What separates the cells of a table: Excel writes semicolons where decimals have commas."""
+    return max(",;\t", key=heading.count)
+
+
 def refuse_large(path: Path, limit: int) -> None:
     """Raise where a file is larger than `limit` bytes, or a pipe or device without an end."""
     found = path.stat()

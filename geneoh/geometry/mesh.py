@@ -1,8 +1,6 @@
 """Triangle meshes in metres: reading, checking, and closing the openings of their surface."""
 
 import hashlib
-import io
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -22,6 +20,7 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
+from geneoh.geometry.mesh_formats import absolute_obj, refuse_packed
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 from geneoh.interrupts import interrupts_wait
 
@@ -173,11 +172,8 @@ def by_trimesh(path: Path) -> Mesh:
         if path.suffix.lower() == ".glb":
             refuse_packed(path.read_bytes())
         counted = absolute_obj(path) if path.suffix.lower() == ".obj" else None
-        scene = (
-            trimesh.load_scene(path, process=False)
-            if counted is None
-            else trimesh.load_scene(counted, file_type="obj", process=False)
-        )
+        kind = None if counted is None else "obj"  # else that of the path
+        scene = trimesh.load_scene(counted or path, file_type=kind, process=False)
         joined = from_trimesh(scene.to_mesh())
         mesh = replace(joined, source=path, parts=scene_parts(scene, path))
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
@@ -193,43 +189,6 @@ def by_trimesh(path: Path) -> Mesh:
             "export it with its faces, or make a surface of a point cloud in a mesh editor"
         )
     return mesh
-
-
-def refuse_packed(data: bytes) -> None:
-    """Raise for a GLB whose points trimesh takes for zeros, or for whole numbers of metres."""
-    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    packed = [name for name in document.get("extensionsRequired", ()) if "compression" in name]
-    primitives = [each for mesh in document.get("meshes", ()) for each in mesh["primitives"]]
-    points = {each["attributes"].get("POSITION", -1) for each in primitives}
-    if any(document["accessors"][at].get("normalized") for at in points - {-1}):
-        packed.append("KHR_mesh_quantization")
-    if packed:
-        raise ValueError(f"its points are packed by {', '.join(packed)}, which must be left out")
-
-
-def absolute_obj(path: Path) -> io.BytesIO | None:
-    """An OBJ file whose faces count their points backward, with numbers that count from the first.
-
-    None where none does so. trimesh counts from the end of the file, and not from the face.
-    """
-    lines = path.read_bytes().replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
-    if not any(line[:1] == b"f" and b"-" in line for line in lines):
-        return None
-    counts = {b"v": 0, b"vt": 0, b"vn": 0}
-    for at, line in enumerate(lines):
-        kind, *words = line.split() or [b""]
-        if kind in counts:
-            counts[kind] += 1
-        elif kind == b"f":
-            corners = ([word.split(b"/"), list(counts.values())] for word in words)
-            each = (b"/".join(map(from_first, *corner)) for corner in corners)
-            lines[at] = b"f " + b" ".join(each)
-    return io.BytesIO(b"\n".join(lines))
-
-
-def from_first(index: bytes, count: int) -> bytes:
-    """An index of an OBJ file that may count backward from the last of so many points."""
-    return b"%d" % (count + 1 + int(index)) if index[:1] == b"-" else index
 
 
 @runtime_checkable

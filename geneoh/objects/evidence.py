@@ -106,6 +106,7 @@ def evidence_at_hand(
     """
     if poses.shape[1] == 1 or bool((poses == 1).all()):
         return poses.amin(1)
+    shares = []
     for part in range(poses.shape[1]):
         alone = replace(
             surface,
@@ -114,10 +115,8 @@ def evidence_at_hand(
             translation=surface.translation[:, part : part + 1],
         )
         beside = share_between(distance_of_nearest(joints, alone), BESIDE, APART).to(poses)
-        others = poses.clone()
-        others[:, part] = torch.maximum(poses[:, part], 1 - beside)
-        poses = others
-    return poses.amin(1)
+        shares.append(torch.maximum(poses[:, part], 1 - beside))
+    return torch.stack(shares).amin(0)
 
 
 def acceleration_around(

@@ -6,8 +6,9 @@ frames; without them they fill in what lies between the others. A hand that leap
 shakes it.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -121,9 +122,9 @@ class Track:
     """Whether a keypoint has confidence in a frame with the hand."""
     side: Side
     fps: float
-    from_parts: tuple[Float[Tensor, "T 21 3"], ...] = ()
+    from_parts: tuple[Float[Tensor, "T 21 3"], ...]
     """The same keypoints as each part of the object sees them."""
-    shots: list[slice] = field(default_factory=lambda: [slice(None)])
+    shots: list[slice]
     """Stretches between cuts of the video, over which no motion leads."""
 
     @property
@@ -140,10 +141,18 @@ class Track:
         """The wrist and the knuckles of one of the views; see `palm_points`."""
         return palm_points(joints, self.trusted)[0]
 
-    def in_all(self, found: Iterable[Bool[np.ndarray, " T"]]) -> Bool[Tensor, " T"]:
-        """Frames that are found in the world and as each part of the object sees the hand."""
+    def in_all(
+        self,
+        views: Iterable[np.ndarray | Rotation],
+        find: Callable[[Any], Bool[np.ndarray, " N"]],
+    ) -> Bool[Tensor, " T"]:
+        """Frames that are found in the world and as each part of the object sees the hand.
+
+        `find` is asked for each shot of each view, frames first.
+        """
         frames = ~self.nothing
-        for each in found:
+        for view in views:
+            each = np.concatenate([find(view[shot]) for shot in self.shots])
             frames = frames & torch.from_numpy(each).to(frames.device)
             if not frames.any():
                 break
@@ -189,10 +198,7 @@ def displaced(track: Track) -> Bool[Tensor, " T"]:
     middles = [track.palm(joints).mean(1).double().cpu().numpy() for joints in track.views]
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
-    return track.in_all(
-        np.concatenate([~possible_places(middle[s], limit, track.fps) for s in track.shots])
-        for middle in middles
-    )
+    return track.in_all(middles, lambda middle: ~possible_places(middle, limit, track.fps))
 
 
 def turned_over(track: Track) -> Bool[Tensor, " T"]:
@@ -205,10 +211,7 @@ def turned_over(track: Track) -> Bool[Tensor, " T"]:
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
     limit = min(limit, LARGEST_TURN)
     return track.in_all(
-        np.concatenate(
-            [~longest_chain(palm[s], limit, ALL_THE_SAME, track.fps).kept for s in track.shots]
-        )
-        for palm in palms
+        palms, lambda palm: ~longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError, numbered
-from geneoh.files.reading import open_text
+from geneoh.files.reading import open_text, separator_of
 from geneoh.readers.clock import TIME_NAMES
 from geneoh.readers.foreign_files import JSON_LIMIT, number_in
 from geneoh.readers.mediapipe import (
@@ -77,7 +77,7 @@ def read_rows(path: Path) -> tuple[list[Row], dict[str, tuple[int | None, int]]]
     try:
         with open_text(path, JSON_LIMIT) as file:
             heading = file.readline()
-            separator = max(",;\t", key=heading.count)
+            separator = separator_of(heading)
             table = csv.DictReader(chain([heading], file), delimiter=separator)
             table.fieldnames = [str(name).strip().lower() for name in table.fieldnames or ()]
             columns = point_columns(table.fieldnames, path)
