@@ -163,6 +163,23 @@ def measure_posed(
     return report, torch.cat(apart)
 
 
+def over_shots(reports: Sequence[InteractionReport]) -> InteractionReport:
+    """The report of all shots of a video: means weighted by frames, those of fingers in contact by
+    the frames with contact, and the largest depth of all.
+    """
+    frames = [report.frames for report in reports]
+    contact = [report.frames * report.contact_fraction for report in reports]
+    found = {}
+    for name in reports[0].as_dict():
+        values = [getattr(report, name) for report in reports]
+        weights = contact if name == "fingers_in_contact" else frames
+        known = [(v, w) for v, w in zip(values, weights, strict=True) if v == v and w > 0]
+        whole = sum(weight for _, weight in known)
+        found[name] = sum(value * weight for value, weight in known) / whole if known else nan
+    deepest = max((report.penetration_max_mm for report in reports), key=lambda v: (v == v, v))
+    return InteractionReport(**found | {"frames": sum(frames), "penetration_max_mm": deepest})
+
+
 LINES = (
     ("penetration_mean_mm", "penetration depth, mean", "mm"),
     ("penetration_max_mm", "penetration depth, deepest", "mm"),

@@ -14,7 +14,7 @@ from geneoh.choices import Selection, Side
 from geneoh.config import checked_call
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.fit import FitConfig, fit_hand
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
@@ -34,6 +34,7 @@ from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import with_rays
 from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.pipeline.shots import common_shots, joined, told_of
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
@@ -96,11 +97,32 @@ def denoise(
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, lost = without_faults(sequence)
-        told = (*collapsed_sentences(given), *exchange, *lost)
+        # the fit of the paper finds one shape for all frames
+        shots, apart = common_shots(sequence), isinstance(options.resolved().fit, FitConfig)
+        told = (*collapsed_sentences(given), *exchange, *lost, *told_of(shots, apart=apart))
         doubtful = (*told, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)
-        return replace(clean_interaction(sequence, options, on_progress), doubts=doubtful)
+        if len(shots) < 2 or not apart:
+            result = clean_interaction(sequence, options, on_progress)
+        else:
+            alike = with_one_shape(sequence, options)
+            parts = [clean_interaction(alike[shot], options, on_progress) for shot in shots]
+            result = joined(parts, shots)
+        return replace(result, doubts=doubtful)
+
+
+def with_one_shape(sequence: Sequence, options: Options) -> Sequence:
+    """The sequence whose hands with keypoints have the betas that fit those of all frames."""
+    found = {hand.side: _subject(hand, options) for hand in normalised_hands(sequence)}
+    hands = [
+        hand
+        if hand.joints is None
+        else replace(hand, betas=subject.betas, hand_model=subject.shaped.model.name)
+        for hand in sequence.hands
+        for subject in [found[hand.side]]
+    ]
+    return replace(sequence, hands=tuple(hands))
 
 
 def clean_interaction(

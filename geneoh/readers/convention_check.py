@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from geneoh.errors import InputError, shortened
+from geneoh.errors import InputError
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
@@ -21,7 +21,6 @@ from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_pl
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.shots import shots_of
 from geneoh.sequence.validation import check_sequence, distance_to_object
 
 WRIST_LIMIT = 0.005
@@ -80,23 +79,9 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
             *check_finger_bend(hand),
             *check_holding(hand, sequence.object),
             *check_delay(hand, sequence.object, sequence.fps),
-            *check_cuts(hand, sequence.fps),
         )
         yield from (f"{hand.side} hand: {words}" for words in told)
     yield from check_repeats(sequence.object)
-
-
-def check_cuts(hand: HandTrack, fps: float) -> Iterator[str]:
-    """Whether the video was cut: no motion leads over a cut, and frames are not mixed across it."""
-    shots = shots_of(hand, fps)
-    if len(shots) > 1:
-        where = ", ".join(str(shot.start) for shot in shots[1:])
-        each = ", ".join(f"sequence[{shot.start}:{shot.stop}]" for shot in shots)
-        yield (
-            f"cuts: it leaps to another place before frame {shortened(where, 60)}, as at a cut of "
-            "the video, about which frames may be mixed; clean each shot by itself: "
-            f"{shortened(each, 90)} of sequence = geneoh.load(...)"
-        )
 
 
 def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array] | None:

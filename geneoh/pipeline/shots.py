@@ -1,0 +1,103 @@
+"""A video that was cut: its shots are cleaned one by one, and what was found of them is joined."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.errors import shortened
+from geneoh.metrics.report import over_shots
+from geneoh.objects.cleaning import ObjectExamination
+from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.shots import shots_of
+
+
+def common_shots(sequence: Sequence) -> list[slice]:
+    """The shots of all hands: where one of them leaps, all are cut.
+
+    Every hand is observed in each of them, and so is an object that is observed at all.
+    """
+
+    def is_whole(shot: slice) -> bool:
+        part = sequence[shot]
+        hands = all(bool(hand.observed.any()) for hand in part.hands)
+        return hands and part.object.is_seen == sequence.object.is_seen
+
+    cuts = {shot.start for hand in sequence.hands for shot in shots_of(hand, sequence.fps)}
+    starts, stop = [0], sequence.frames
+    for cut in sorted(cuts - {0}):
+        if is_whole(slice(starts[-1], cut)) and is_whole(slice(cut, stop)):
+            starts.append(cut)
+    return [slice(start, end) for start, end in pairwise([*starts, stop])]
+
+
+def told_of(shots: list[slice], *, apart: bool) -> Iterator[str]:
+    """What a user should know of cuts, whose shots are cleaned `apart` or not."""
+    if len(shots) < 2:
+        return
+    where = ", ".join(str(shot.start) for shot in shots[1:])
+    cure = "each shot is cleaned by itself"
+    if not apart:
+        cure = "frames beside it may be mixed; clean each shot by itself, in a file of its own"
+    yield (
+        f"cuts: a hand leaps to another place before frame {shortened(where, 60)}, as at a cut of "
+        f"the video: {cure}"
+    )
+
+
+def joined(parts: list[Denoised], shots: list[slice]) -> Denoised:
+    """The results of all shots, whose hands have the same betas, as that of the whole video."""
+    first = parts[0]
+    depths = [part.hands_in_each_other for part in parts if part.hands_in_each_other]
+    examined = [part.examined for part in parts if part.examined]
+    return replace(
+        first,
+        sequence=concatenated([part.sequence for part in parts]),
+        hands={side: _joined_hand([p.hands[side] for p in parts], shots) for side in first.hands},
+        notes=_said([part.notes for part in parts], shots),
+        examined=_joined_examination(examined) if examined else None,
+        hands_in_each_other=tuple(map(max, zip(*depths, strict=True))) if depths else None,
+    )
+
+
+def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
+    """One hand of all shots; a sample that was kept comes first."""
+    parts = [replace(part, samples=part.samples.roll(-max(part.chosen, 0), 0)) for part in parts]
+    seen = [int((~part.filled).sum()) for part in parts]
+    moved = sum(count * part.moved for count, part in zip(seen, parts, strict=True)) / sum(seen)
+    return replace(
+        concatenated(parts),
+        samples=concatenated(parts, "N").samples,
+        chosen=min(parts[0].chosen, 0),
+        before=over_shots([part.before for part in parts]),
+        after=over_shots([part.after for part in parts]),
+        moved=moved,
+        windows=sum(part.windows for part in parts),
+        seconds=dict(sum((Counter(part.seconds) for part in parts), Counter())),
+        notes=_said([part.notes for part in parts], shots),
+    )
+
+
+def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
+    """What all shots say of the object, with the noise of the worst of them."""
+    return replace(
+        concatenated(parts),
+        rotation_noise=torch.stack([part.rotation_noise for part in parts]).amax(0),
+        translation_noise=torch.stack([part.translation_noise for part in parts]).amax(0),
+        is_noisy=torch.stack([part.is_noisy for part in parts]).any(0),
+    )
+
+
+def _said(notes: list[tuple[str, ...]], shots: list[slice]) -> tuple[str, ...]:
+    """Notes of all shots once, and those of some with their frames."""
+    said: dict[str, None] = {}
+    for own, shot in zip(notes, shots, strict=True):
+        frames = f"frames {shot.start} to {shot.stop - 1}"
+        for words in own:
+            everywhere = all(words in each for each in notes)
+            said[words if everywhere else f"{frames}: {words}"] = None
+    return tuple(said)
