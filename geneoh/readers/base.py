@@ -1,6 +1,6 @@
 """What a reader is given and gives: the caller's options in, recordings out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path, PurePath
@@ -59,6 +59,9 @@ class ReaderOptions:
         """One side of the user's MANO, where there are files of it."""
         return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
 
+
+MOVES = 0.03
+"""Metres from its usual place beyond which an object was handled."""
 
 OF_SOME = (*OF_SOURCES, "object_pose", "joint_order", "keypoint_unit")
 """Options that mean something for some sources only; each reader says which it takes."""
@@ -218,6 +221,20 @@ def ancestor(path: Path, levels: int) -> Path:
 def finite_frames(values: Array) -> Array:
     """(T,) whether all numbers of a frame are finite."""
     return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+
+
+def moving(motions: Mapping[str, Array]) -> list[str]:
+    """The names of the objects that leave their place, by their (T, 4, 4) poses in metres.
+
+    Of a table full of things only some are handled. Where none moves it is all that have poses.
+    """
+    known = {name: motion[finite_frames(motion), :3, 3] for name, motion in motions.items()}
+    known = {name: places for name, places in known.items() if len(places)}
+    off = {
+        name: np.linalg.norm(places - np.median(places, axis=0), axis=1).max()
+        for name, places in known.items()
+    }
+    return [name for name in known if off[name] > MOVES] or list(known)
 
 
 def stretches(present: Array, after_jump: Array | None) -> list[slice]:

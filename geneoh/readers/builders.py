@@ -61,6 +61,16 @@ def mano_track(
     return hand if numbers.to_world is None else hand_in_frame(hand, numbers.to_world), notes
 
 
+def mano_of_coefficients(
+    options: ReaderOptions, side: Side, where: str, left_hand: ManoName = AS_SHIPPED
+) -> Mano:
+    """The user's MANO, without which coefficients of its components are no pose."""
+    mano = options.mano(side, left_hand)
+    if mano is None:
+        raise InputError(f"{where}: the pose is coefficients of MANO's components, {NO_MANO}")
+    return mano
+
+
 def refuse_other_lengths(where: str, numbers: ManoParameters) -> None:
     """Refuse parameters of one hand that do not have the same number of frames."""
     names = ("pose", "translation", "joints", "confidence", "to_world")

@@ -99,6 +99,33 @@ def read_text(path: Path) -> str:
     return read_bytes(path, TEXT_LIMIT).decode("utf-8", "replace")
 
 
+def read_yaml(path: Path) -> Record:
+    """Names with a value or a list, two levels of YAML; those below `extrinsics:` go to the top."""
+    values: dict[str, object] = {}
+    items: list[object] = []
+    for line in read_text(path).splitlines():
+        words = line.strip()
+        if words.startswith("- "):
+            items.append(scalar(words[2:]))
+        elif ":" in words:
+            name, _, rest = (part.strip() for part in words.partition(":"))
+            items = []
+            values[name.strip("'\"")] = scalar(rest) if rest else items
+    return Record(str(path), values)
+
+
+def scalar(text: str) -> object:
+    """A list in brackets, a number where it is one and stands without quotes, else text."""
+    if text.startswith("[") and text.endswith("]"):
+        return [scalar(part.strip()) for part in text[1:-1].split(",") if part.strip()]
+    if text[:1] in ("'", '"') and text[-1:] == text[:1]:
+        return text[1:-1]
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
     """The wanted columns of a CSV as arrays by name; a cell that is no number comes as NaN."""
     try:

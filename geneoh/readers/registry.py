@@ -54,6 +54,8 @@ arcticnet | ArcticNet predictions | two hands, two-part object | non-commercial 
 github.com/zc-alexfan/arctic
 h2o | H2O | two hands, object | non-commercial research | taeinkwon.com/projects/h2o
 dexycb | DexYCB | one hand, object | CC BY-NC 4.0 | dex-ycb.github.io
+hocap | HO-Cap | two hands, objects | see the site | irvlutd.github.io/HOCap
+hot3d | HOT3D | two hands, objects | see the site | facebookresearch.github.io/hot3d
 ho3d | HO-3D v3 | right hand, object | non-commercial research | github.com/shreyashampali/ho3d
 oakink | OakInk, images | right hand, object | non-commercial research | oakink.net
 oakink2 | OakInk2 | two hands, objects | see the site | oakink.net/v2

@@ -97,6 +97,17 @@ def axis_angles_of_wxyz(quaternions: Array) -> Array:
     return result.reshape(*quaternions.shape[:-1], 3)
 
 
+def rigid_of_xyzw(poses: Array) -> Array:
+    """(..., 4, 4) of (..., 7) quaternions, real part last, and places; NaN for no rotation."""
+    flat = poses.reshape(-1, 7)
+
+    def matrices(found: Array) -> Array:
+        return rigid_matrices(Rotation.from_quat(found[:, :4]).as_matrix(), found[:, 4:])
+
+    usable = np.isfinite(flat).all(1) & are_rotations(flat[:, :4])
+    return converted(flat, usable, matrices, 4, 4).reshape(*poses.shape[:-1], 4, 4)
+
+
 def inverse(matrices: Array, where: str) -> Array:
     """(..., 4, 4) inverses of (..., 4, 4) transformations; `InputError` where one has none."""
     sound = bool(np.isfinite(matrices).all())

@@ -63,6 +63,24 @@ def lose_dexycb_label(root: Path) -> None:
     np.savez(path, seg=np.zeros((4, 4), np.uint8), joint_3d=np.full((1, 21, 3), -1, "f4"))
 
 
+def lose_hocap(root: Path) -> None:
+    change_array(next(root.rglob("poses_m.npy")), 0)
+
+
+def change_array(path: Path, row: int) -> None:
+    """Write -1 for what one of several hands or objects is in one frame."""
+    values = np.load(path)
+    values[row, LOST] = -1
+    np.save(path, values)
+
+
+def lose_hot3d(root: Path) -> None:
+    path = next(root.rglob("*.jsonl"))
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    del lines[2 * LOST]["hand_poses"]["1"]  # of two moments that are one
+    path.write_text("\n".join(map(json.dumps, lines)))
+
+
 def lose_ho3d(root: Path) -> None:
     repickle(
         next(root.rglob(f"meta/{LOST:04d}.pkl")),
@@ -129,6 +147,8 @@ def lose_oakink(root: Path) -> None:
         ("h2o", lose_h2o, True),
         ("dexycb", lose_dexycb, True),
         ("dexycb", lose_dexycb_label, False),
+        ("hocap", lose_hocap, True),
+        ("hot3d", lose_hot3d, True),
         ("ho3d", lose_ho3d, True),
         ("oakink2", lose_oakink2, True),
         ("aria", lose_aria, False),
@@ -169,6 +189,17 @@ def spoil_dexycb(root: Path) -> None:
     np.savez(path, **arrays)
 
 
+def spoil_hocap(root: Path) -> None:
+    change_array(next(root.rglob("poses_o.npy")), 1)
+
+
+def spoil_hot3d(root: Path) -> None:
+    path = next(root.rglob("dynamic_objects.csv"))
+    lines = path.read_text().splitlines()
+    del lines[1 + 4 * LOST : 5 + 4 * LOST]
+    path.write_text("\n".join(lines))
+
+
 def spoil_ho3d(root: Path) -> None:
     repickle(next(root.rglob(f"meta/{LOST:04d}.pkl")), lambda f: f.update(objRot=None))
 
@@ -198,6 +229,8 @@ def spoil_oakink2(root: Path) -> None:
         ("hoi4d", spoil_objpose),
         ("hoi4d_cases", lose_hoi4d_case),
         ("dexycb", spoil_dexycb),
+        ("hocap", spoil_hocap),
+        ("hot3d", spoil_hot3d),
         ("ho3d", spoil_ho3d),
         ("h2o", spoil_h2o),
         ("oakink", lose_oakink),

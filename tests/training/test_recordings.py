@@ -61,7 +61,9 @@ def arrays_of(example: Path) -> dict[str, np.ndarray]:
         return dict(file)
 
 
-@pytest.mark.parametrize("source", ["taco", "arctic", "grab", "h2o", "dexycb", "oakink2"])
+@pytest.mark.parametrize(
+    "source", ["taco", "arctic", "grab", "h2o", "dexycb", "oakink2", "hocap", "hot3d"]
+)
 def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
     case = case_of(source)
     step = 4 if source == "grab" else 1  # 120 frames a second

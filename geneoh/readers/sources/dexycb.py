@@ -9,13 +9,12 @@ hand. Metres, 30 frames a second.
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.readers import base, builders, transforms
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.foreign_files import read_record, read_text
+from geneoh.readers.foreign_files import read_record, read_yaml
 from geneoh.readers.mano import Mano, pose_of_coefficients
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
@@ -59,7 +58,9 @@ def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
             f"{clip.path}: the pose is coefficients of MANO's components and there are no labels "
             f"with keypoints, {builders.NO_MANO}"
         )
-    meshes, motion = {f"dexycb_{name}": mesh}, object_motion(placed[:, grasped])
+    found = (placed != NO_OBJECT).any(-1, keepdims=True)
+    motion = transforms.rigid_of_xyzw(np.where(found, placed, np.nan)[:, grasped])
+    meshes = {f"dexycb_{name}": mesh}
     checks = base.CrossChecks(base.stated(side, joints))
     yield base.ClipParts(
         f"DexYCB {clip.name}", hands, meshes, motion, notes=notes, cross_checks=checks
@@ -82,18 +83,6 @@ def read_pose(
     return base.ManoParameters(side, pose, values[:, 48:], betas)
 
 
-def object_motion(placed: Array) -> Array:
-    """(T, 4, 4) of the object to the world; NaN in frames in which it was not found."""
-    present = np.isfinite(placed).all(1) & (np.abs(placed - NO_OBJECT).max(1) > 0)
-    present &= transforms.are_rotations(placed[:, :4])
-
-    def matrices(found: Array) -> Array:
-        rotation = Rotation.from_quat(found[:, :4]).as_matrix()
-        return transforms.rigid_matrices(rotation, found[:, 4:])
-
-    return transforms.converted(placed, present, matrices, 4, 4)
-
-
 def read_labels(folder: Path, root: Path, meta: Record, frames: int) -> Array | None:
     """(T, 21, 3) keypoints in the world, from the first camera that has labels."""
     for serial in meta.items("serials"):
@@ -113,30 +102,3 @@ def label_joints(file: Path, to_world: Array) -> Array:
     if (joints == NO_HAND).all():
         return np.full((21, 3), np.nan)
     return transforms.moved_points(joints, to_world)
-
-
-def read_yaml(path: Path) -> Record:
-    """Names with a value or a list, two levels of YAML; those below `extrinsics:` go to the top."""
-    values: dict[str, object] = {}
-    items: list[object] = []
-    for line in read_text(path).splitlines():
-        words = line.strip()
-        if words.startswith("- "):
-            items.append(scalar(words[2:]))
-        elif ":" in words:
-            name, _, rest = (part.strip() for part in words.partition(":"))
-            items = []
-            values[name.strip("'\"")] = scalar(rest) if rest else items
-    return Record(str(path), values)
-
-
-def scalar(text: str) -> object:
-    """A list in brackets, a number where it is one and stands without quotes, else text."""
-    if text.startswith("[") and text.endswith("]"):
-        return [scalar(part.strip()) for part in text[1:-1].split(",") if part.strip()]
-    if text[:1] in ("'", '"') and text[-1:] == text[:1]:
-        return text[1:-1]
-    try:
-        return float(text)
-    except ValueError:
-        return text

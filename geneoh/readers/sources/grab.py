@@ -141,11 +141,7 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     """One hand and the object, which is one recording for each stretch without a jump."""
     record = read_fields(clip.path)
     side = side_of(record)
-    mano = options.mano(side)
-    if mano is None:
-        raise InputError(
-            f"{clip.path}: the pose is coefficients of MANO's components, {builders.NO_MANO}"
-        )
+    mano = builders.mano_of_coefficients(options, side, str(clip.path))
     mirror = np.array(MIRROR) if side == "left" else np.ones(3)
     verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror
     coefficients = record.array("f2", ("T", COEFFICIENTS))

@@ -1,10 +1,12 @@
-"""Data sets annotated in camera images: HOI4D, H2O, DexYCB, HO-3D, OakInk, FPHAB, TACO."""
+"""Data sets annotated in images: HOI4D, H2O, DexYCB, HO-Cap, HOT3D, HO-3D, OakInk, FPHAB, TACO."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from geneoh.readers.builders import OPENPOSE_FROM_MANO
@@ -120,12 +122,16 @@ def h2o(root: Path, s: Scene, wrong: bool) -> None:
     write_mesh(root / "object/milk/milk.obj", s.verts, s.faces)
 
 
+def coefficients(s: Scene, side: str) -> np.ndarray:
+    """(T, 45) of MANO's components, relative to its mean pose."""
+    mano = s.mano[side]
+    return np.linalg.solve(mano.components.T, (flat(s.pose[side])[:, 3:] - mano.mean).T).T
+
+
 def dexycb(root: Path, s: Scene, wrong: bool) -> None:
     folder, serial = root / "20200709-subject-01/20200709_141754", "836212060125"
-    mano = s.mano["right"]
-    coefficients = np.linalg.solve(mano.components.T, (flat(s.pose["right"])[:, 3:] - mano.mean).T)
     trans = s.wrist["right"] if wrong else s.origin("right")
-    hand = np.concatenate([s.pose["right"][:, 0], coefficients.T, trans], axis=1)
+    hand = np.concatenate([s.pose["right"][:, 0], coefficients(s, "right"), trans], axis=1)
     other = np.tile([0.0, 0, 0, 1, 0, 0, 0], (s.frames, 1))
     grasped = np.concatenate([Rotation.from_matrix(s.rotation).as_quat(), s.shift], axis=1)
     folder.mkdir(parents=True)
@@ -157,6 +163,76 @@ def dexycb(root: Path, s: Scene, wrong: bool) -> None:
             joint_3d=joints[None].astype("f4"),
         )
     write_mesh(root / "models/025_mug/textured_simple.obj", s.verts, s.faces)
+
+
+def of_one_subject(s: Scene) -> Scene:
+    """The scene whose left hand has the betas of the right one."""
+    betas, left = {side: s.betas["right"] for side in SIDES}, s.mano["left"]
+    joints = left.keypoints(s.pose["left"], s.wrist["left"], betas["left"])
+    return replace(s, betas=betas, joints={**s.joints, "left": joints})
+
+
+def hocap(root: Path, s: Scene, wrong: bool) -> None:
+    """The object, and another one that stays where it is."""
+    folder, s = root / "subject_1/20231025_165502", of_one_subject(s)
+    hands = [
+        np.concatenate([s.pose[side][:, 0], coefficients(s, side), s.origin(side)], axis=1)
+        for side in ("right", "left")
+    ]
+    moved = np.concatenate([Rotation.from_matrix(s.rotation).as_quat(), s.shift], axis=1)
+    save(folder / "poses_m.npy", np.stack(hands).astype("f4"))
+    save(folder / "poses_o.npy", np.stack([np.tile(moved[0], (s.frames, 1)), moved]).astype("f4"))
+    (folder / "meta.yaml").write_text(
+        "extrinsics: extrinsics_20231014.yaml\nhololens:\n  serial: hololens_kv5h72\n"
+        f"mano_sides:\n- left\n- right\nnum_frames: {s.frames}\nobject_ids:\n- G01_1\n- G01_2\n"
+        "realsense:\n  serials:\n  - '037522251142'\nsubject_id: subject_1\ntask_id: 1\n"
+    )
+    betas = root / "calibration/mano/subject_1.yaml"
+    betas.parent.mkdir(parents=True)
+    betas.write_text("betas:\n" + "\n".join(f"- {x:.9f}" for x in s.betas["right"]))
+    verts = s.verts * (0.01 if wrong else 1)
+    write_mesh(root / "models/G01_2/cleaned_mesh_10000.obj", verts, s.faces)
+
+
+def of_few_coefficients(s: Scene) -> Scene:
+    """The scene with the first 15 coefficients of each pose alone, and mended left hands."""
+    pose, joints = {}, {}
+    for side in SIDES:
+        mano = s.mano[side]
+        fingers = coefficients(s, side)[:, :15] @ mano.components[:15] + mano.mean
+        pose[side] = np.concatenate([s.pose[side][:, :1], fingers.reshape(-1, 15, 3)], axis=1)
+        places = s.wrist[side], s.betas[side]
+        joints[side] = mano.keypoints(pose[side], *places, "mirrored")
+    return replace(s, pose=pose, joints=joints)
+
+
+def hot3d(root: Path, s: Scene, wrong: bool) -> None:
+    """Moments of two cameras, of which the second one's hands are elsewhere."""
+    folder, lines, rows = root / "P0003_c701bd11", [], []
+    for t in range(s.frames):
+        for camera, late in enumerate((0, 90813)):
+            time = 56752108188860 + round(t * 1e9 / 30) + late
+            hands = {}
+            for side, key in (("left", "0"), ("right", "1")):
+                turn = Rotation.from_rotvec(s.pose[side][t, 0]).as_quat()[[3, 0, 1, 2]]
+                place = s.origin(side, "mirrored")[t] + camera
+                hands[key] = {
+                    "pose": coefficients(s, side)[t, :15].tolist(),
+                    "wrist_xform": {"t_xyz": place.tolist(), "q_wxyz": turn.tolist()},
+                    "betas": s.betas[side].tolist(),
+                }
+            lines.append(json.dumps({"timestamp_ns": time, "hand_poses": hands}))
+            for name, frame in (("37787722328019", 0), ("228358276546933", t)):
+                turn = Rotation.from_matrix(s.rotation[frame]).as_quat()[[3, 0, 1, 2]]
+                rows.append([name, time, *(s.shift[frame] + camera), *turn])
+    folder.mkdir(parents=True)
+    (folder / "mano_hand_pose_trajectory.jsonl").write_text("\n".join(lines) + "\n")
+    head = "object_uid,timestamp[ns],t_wo_x[m],t_wo_y[m],t_wo_z[m],q_wo_w,q_wo_x,q_wo_y,q_wo_z"
+    table = [head, *(",".join(map(str, row)) for row in rows)]
+    (folder / "dynamic_objects.csv").write_text("\n".join(table) + "\n")
+    verts = s.verts * (0.01 if wrong else 1)
+    (root / "assets").mkdir()
+    trimesh.Trimesh(verts, s.faces, process=False).export(root / "assets/228358276546933.glb")
 
 
 def ho3d(root: Path, s: Scene, wrong: bool) -> None:
