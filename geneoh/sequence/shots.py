@@ -17,23 +17,28 @@ LASTING, AROUND = 2 / 3, 5
 
 
 def shots_of(hand: HandTrack, fps: float) -> list[slice]:
-    """The shots of a track: all of it where nothing shows a cut."""
-    place = keypoints(hand)[:, PALM].mean(1).double().cpu().numpy()
-    place[~hand.observed.cpu().numpy()] = np.nan
-    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
-    leaps = np.flatnonzero(steps > LEAP * max(1.0, 30 / fps)).tolist()
+    """The shots of a track: all of it where nothing shows a cut. Lost frames end a shot."""
+    seen = np.flatnonzero(hand.observed.cpu().numpy())
+    place = keypoints(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
+    leaps = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    steps = leaps / np.diff(seen)
+    likely = np.flatnonzero(steps > LEAP * max(1.0, 30 / fps)).tolist()
     lasting = math.ceil(LASTING * fps)
-    cuts = [leap + 1 for leap in leaps if is_cut(place, steps, leap, lasting)]
+    cuts = [int(seen[last + 1]) for last in likely if is_cut(place, steps, last, lasting)]
     return [slice(start, stop) for start, stop in pairwise([0, *cuts, hand.frames])]
 
 
 def is_cut(
-    place: Float[np.ndarray, "T 3"], steps: Float[np.ndarray, " N"], leap: int, lasting: int
+    place: Float[np.ndarray, "T 3"], steps: Float[np.ndarray, " N"], last: int, lasting: int
 ) -> bool:
-    """Whether a step is larger than those around, and for `lasting` frames no way back is taken."""
-    before, after = place[: leap + 1][-lasting:], place[leap + 1 :][:lasting]
-    around = [*steps[:leap][-AROUND:], *steps[leap + 1 :][:AROUND]]
-    if min(len(before), len(after)) < lasting or steps[leap] < LARGER * np.nanmax([0, *around]):
+    """Whether the leap behind a `last` frame is one: for `lasting` frames no way leads back.
+
+    And it is larger than the steps around it; all frames are those with the hand.
+    """
+    before, after = place[: last + 1][-lasting:], place[last + 1 :][:lasting]
+    around = [0.0, *steps[:last][-AROUND:], *steps[last + 1 :][:AROUND]]
+    if min(len(before), len(after)) < lasting or steps[last] < LARGER * max(around):
         return False
+    leap = np.linalg.norm(after[0] - before[-1])
     back = [before - after[0], after - before[-1]]
-    return bool(np.nanmin(np.linalg.norm(back, axis=-1)) > steps[leap] / 2)
+    return bool(np.linalg.norm(back, axis=-1).min() > leap / 2)

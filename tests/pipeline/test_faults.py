@@ -167,6 +167,9 @@ def test_frames_beside_a_cut_of_the_video_are_no_fault(clean, fps):
     alone = with_hand(alone, joints=joints, pose=None, wrist=None, betas=None)
     assert missing(alone) == []
     assert shots_of(alone.hands[0], fps) == [slice(0, cut), slice(cut, given.frames)]
+    seen = torch.arange(given.frames)
+    lost = with_hand(alone, joints=joints, valid=seen != cut - 1)
+    assert shots_of(lost.hands[0], fps) == [slice(0, cut), slice(cut, given.frames)]
     joints[cut + 6 :] -= torch.tensor([0.4, -0.3, 0.2])  # a hand that was lost, and no shot
     assert missing(with_hand(alone, joints=joints)) == list(range(cut, cut + 6))
     assert len(shots_of(with_hand(alone, joints=joints).hands[0], fps)) == 1
