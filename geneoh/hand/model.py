@@ -148,9 +148,7 @@ class ShapedHand(Bundle):
         rest = self.verts.transpose(-1, -2)
         if not self.model.has_pose_dirs:
             return rest
-        eye = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
-        feature = (rotations[..., 1:, :, :] - eye).flatten(-3)
-        bulge = feature @ self.model.pose_basis
+        bulge = pose_features(rotations) @ self.model.pose_basis
         return rest + bulge.unflatten(-1, rest.shape[-2:])
 
     def _skin(
@@ -167,3 +165,9 @@ class ShapedHand(Bundle):
         for axis in range(3):
             verts = torch.addcmul(verts, blend[..., axis, :], rest[..., None, axis, :])
         return verts.transpose(-1, -2)
+
+
+def pose_features(rotations: Float[Tensor, "*B 16 3 3"]) -> Float[Tensor, "*B 135"]:
+    """How much of each pose corrective there is: local rotations of joints 1 to 15, minus 1."""
+    eye = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+    return (rotations[..., 1:, :, :] - eye).flatten(-3)

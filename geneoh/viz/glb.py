@@ -1,8 +1,10 @@
-"""A version as an animated GLB: the hand as morph targets, the object's parts as moving nodes.
+"""A version as an animated GLB: hands on a rig, the object's parts as moving nodes.
 
-One morph target per frame holds the exact vertices and normals, and the weights run through them.
-This needs no skinning, so it is exact for any hand model, and Blender and three.js play it. Source:
-glTF 2.0 specification, Khronos Group. Metres; a root node turns the world's up axis to glTF's y.
+A hand is a mesh in its flat rest pose, skinned to the 16 joints of the hand, whose rotations are
+the animation; the pose correctives of the hand model are morph targets. So it is the hand model
+itself, exact but for vertices with more than four joints, and programs such as Blender show a rig.
+Source: glTF 2.0 specification, Khronos Group. Metres; a root node turns the world's up axis to
+glTF's y.
 """
 
 import json
@@ -12,17 +14,27 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from torch import Tensor
 
-from geneoh.geometry.rotations import matrix_to_quat_wxyz
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_quat_wxyz
+from geneoh.hand.model import HandModel, ShapedHand, pose_features
+from geneoh.hand.skeleton import FINGERS, PARENTS
 from geneoh.viz.camera import axes_towards
 from geneoh.viz.look import DEFAULT_LOOK, SKIN_COLOUR, Colour, Look
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.surface import vertex_normals
 
-FLOAT, UINT = 5126, 5125
+COMPONENTS = {np.dtype("u1"): 5121, np.dtype("<u4"): 5125, np.dtype("<f4"): 5126}
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
-ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+JOINT_NAMES = ("wrist", *(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3)))
+INFLUENCES = 4
+"""Joints that move a vertex at most: all programs read so many. MANO and ours have no more that
+count."""
 ROUGHNESS = 0.8
+
+NO_BULGE = 1e-5
+"""Metres by which a pose corrective must move some vertex in a clip to be in its file."""
 
 
 class _Document:
@@ -30,7 +42,8 @@ class _Document:
 
     def __init__(self) -> None:
         self.tables: dict[str, list[Any]] = {
-            name: [] for name in ("accessors", "bufferViews", "meshes", "nodes", "materials")
+            name: []
+            for name in ("accessors", "bufferViews", "meshes", "nodes", "materials", "skins")
         }
         self.animation: dict[str, list[Any]] = {"channels": [], "samplers": []}
         self.binary = bytearray()
@@ -44,8 +57,8 @@ class _Document:
         self, values: Float[np.ndarray, "..."] | Int[np.ndarray, "..."], target: int | None = None
     ) -> int:
         """Append an array of scalars (N,) or vectors (N, D) with its bounds, as glTF requires."""
-        whole = values.dtype.kind in "iu"
-        packed = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
+        kind = {"f": "<f4", "i": "<u4", "u": "u1"}[values.dtype.kind]
+        packed = np.ascontiguousarray(values, dtype=kind)
         view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": packed.nbytes}
         if target is not None:
             view["target"] = target
@@ -53,7 +66,7 @@ class _Document:
         rows = packed.reshape(len(packed), -1)
         entry = {
             "bufferView": self.add("bufferViews", view),
-            "componentType": UINT if whole else FLOAT,
+            "componentType": COMPONENTS[packed.dtype],
             "count": len(packed),
             "type": ACCESSOR_TYPES[rows.shape[1]],
             "min": rows.min(0).tolist(),
@@ -74,8 +87,8 @@ class _Document:
             "scene": 0,
             "scenes": [{"name": title, "nodes": scene_nodes}],
             "buffers": [{"byteLength": len(self.binary)}],
-            **self.tables,
         }
+        document |= {name: table for name, table in self.tables.items() if table}
         if self.animation["channels"]:  # glTF allows none without
             document["animations"] = [{"name": title, **self.animation}]
         text, chunks = json.dumps(document, separators=(",", ":")).encode(), b""
@@ -90,12 +103,14 @@ def glb_bytes(scene: Scene, look: Look = DEFAULT_LOOK) -> bytes:
     document, version = _Document(), scene.versions[-1]
     seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
     times = document.accessor(seconds)
-    children = [_add_hand(document, hand, times) for hand in version.hands]
+    hands = [_add_hand(document, hand, times) for hand in version.hands]
+    children = [wrist for _, wrist in hands]
     children += [_add_part(document, scene, i, times) for i in range(len(scene.object.meshes))]
     turn = torch.from_numpy(upright(look.upward)).float()
     w, x, y, z = matrix_to_quat_wxyz(turn).tolist()
     root = document.add("nodes", {"name": "world", "rotation": [x, y, z, w], "children": children})
-    return document.to_bytes([root], version.title)
+    # a skinned mesh goes where its joints are, whatever its own node
+    return document.to_bytes([root, *(mesh for mesh, _ in hands)], version.title)
 
 
 def upright(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
@@ -107,62 +122,117 @@ def upright(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
 def _add_mesh(
     document: _Document,
     name: str,
-    verts: Float[np.ndarray, "T V 3"],
+    verts: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     colour: Colour,
 ) -> int:
-    """A node with a mesh: the first frame, and a morph target for each of the others."""
-    normals = np.stack([vertex_normals(points, faces) for points in verts])
+    """A node with a mesh."""
+    normals = vertex_normals(verts, faces)
     # glTF allows no normal of length zero, which a vertex without a face would have
     normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
-
-    def attributes(points: Float[np.ndarray, "V 3"], normal: Float[np.ndarray, "V 3"]) -> dict:
-        position = document.accessor(points, ARRAY_BUFFER)
-        return {"POSITION": position, "NORMAL": document.accessor(normal, ARRAY_BUFFER)}
-
     # a matt surface; glTF expects linear colours, ours are sRGB
     linear = [*(np.array(colour) ** 2.2).tolist(), 1.0]
     surface = {"baseColorFactor": linear, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
     material = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
     primitive: dict[str, Any] = {
-        "attributes": attributes(verts[0], normals[0]),
+        "attributes": {
+            "POSITION": document.accessor(verts, ARRAY_BUFFER),
+            "NORMAL": document.accessor(normals, ARRAY_BUFFER),
+        },
         "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
         "material": document.add("materials", material),
     }
     mesh = {"name": name, "primitives": [primitive]}
-    if len(verts) > 1:
-        primitive["targets"] = [
-            attributes(moved - verts[0], turned - normals[0])
-            for moved, turned in zip(verts[1:], normals[1:], strict=True)
-        ]
-        mesh["weights"] = [0.0] * (len(verts) - 1)
     return document.add("nodes", {"name": name, "mesh": document.add("meshes", mesh)})
 
 
-def _add_hand(document: _Document, hand: PosedTrack, times: int) -> int:
-    """A hand whose morph targets follow one another; it has size zero in frames without it."""
-    verts, valid = hand.verts.numpy().astype(np.float32), hand.valid.numpy()
-    node = _add_mesh(document, f"{hand.side} hand", verts, hand.model.faces.numpy(), SKIN_COLOUR)
-    if len(verts) > 1:
-        weights = np.eye(len(verts), dtype=np.float32)[:, 1:].reshape(-1)
-        document.animate(node, "weights", times, document.accessor(weights))
+def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, int]:
+    """The mesh of a hand and the wrist of its rig; it has size zero in frames without the hand."""
+    shaped, rotations = hand.model.shaped(hand.betas), axis_angle_to_matrix(hand.pose)
+    bulges, shares, rest = _bulges(hand.model, pose_features(rotations))
+    verts, faces = (shaped.verts + rest).numpy(), hand.model.faces.numpy()
+    node = _add_mesh(document, f"{hand.side} hand", verts, faces, SKIN_COLOUR)
+    joints = _add_joints(document, hand, shaped, rotations, times)
+    back = np.tile(np.eye(4), (len(joints), 1, 1))
+    back[:, 3, :3] = -shaped.joints.numpy()  # columns come first
+    skin = {"joints": joints, "inverseBindMatrices": document.accessor(back.reshape(-1, 16))}
+    document.tables["nodes"][node]["skin"] = document.add("skins", skin)
+    mesh = document.tables["meshes"][document.tables["nodes"][node]["mesh"]]
+    weights, influences = hand.model.skin_weights.topk(INFLUENCES, dim=1)
+    weights = weights / weights.sum(1, keepdim=True)
+    influences = influences.where(weights > 0, 0).byte()  # as glTF wants it
+    (primitive,) = mesh["primitives"]
+    primitive["attributes"] |= {
+        "JOINTS_0": document.accessor(influences.numpy(), ARRAY_BUFFER),
+        "WEIGHTS_0": document.accessor(weights.numpy(), ARRAY_BUFFER),
+    }
+    if len(bulges):
+        primitive["targets"] = [
+            {"POSITION": document.accessor(bulge.numpy(), ARRAY_BUFFER)} for bulge in bulges
+        ]
+        mesh["weights"] = shares[0].tolist()
+        document.animate(node, "weights", times, document.accessor(shares.flatten().numpy()))
+    return node, joints[0]
+
+
+def _bulges(
+    model: HandModel, features: Float[Tensor, "T 135"]
+) -> tuple[Float[Tensor, "K V 3"], Float[Tensor, "T K"], Float[Tensor, "V 3"]]:
+    """Pose correctives that change in a clip, the share of each in each frame, and what is always.
+
+    Shares go from 0 to 1 in each clip: Blender's sliders end there.
+    """
+    least, most = features.amin(0), features.amax(0)
+    bulges = (most - least)[:, None, None] * model.pose_dirs.movedim(-1, 0)
+    changing = bulges.abs().amax((1, 2)) > NO_BULGE
+    constant = torch.where(changing, least, features.mean(0))
+    shares = ((features - least) / (most - least).clamp(min=1e-9))[:, changing]
+    return bulges[changing], shares, model.pose_dirs @ constant
+
+
+def _add_joints(
+    document: _Document,
+    hand: PosedTrack,
+    shaped: ShapedHand,
+    rotations: Float[Tensor, "T 16 3 3"],
+    times: int,
+) -> list[int]:
+    """The nodes of a hand's joints, in MANO order, which turn about their place in their parent."""
+    nodes: list[int] = []
+    for joint, (name, parent) in enumerate(zip(JOINT_NAMES, PARENTS, strict=True)):
+        place = hand.wrist[0] if parent < 0 else shaped.offsets[joint - 1]
+        turns = _xyzw(matrix_to_quat_wxyz(rotations[:, joint]).numpy())
+        entry = {"translation": place.tolist(), "rotation": turns[0].tolist()}
+        nodes.append(document.add("nodes", {"name": f"{hand.side}_{name}", **entry}))
+        if parent >= 0:
+            document.tables["nodes"][nodes[parent]].setdefault("children", []).append(nodes[-1])
+        if len(turns) > 1:
+            document.animate(nodes[-1], "rotation", times, document.accessor(turns))
+    if len(hand.wrist) > 1:
+        document.animate(nodes[0], "translation", times, document.accessor(hand.wrist.numpy()))
+    valid = hand.valid.numpy()
     if not valid.all():
         size = np.repeat(valid.astype(np.float32)[:, None], 3, 1)
-        document.animate(node, "scale", times, document.accessor(size), "STEP")
-    return node
+        document.animate(nodes[0], "scale", times, document.accessor(size), "STEP")
+    return nodes
+
+
+def _xyzw(quat_wxyz: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
+    """The same rotations as glTF has them, with signs that are continuous over time."""
+    agrees = (quat_wxyz[1:] * quat_wxyz[:-1]).sum(-1) >= 0
+    signs = np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))
+    quat = quat_wxyz * signs[:, None]
+    quat = (quat / np.linalg.norm(quat, axis=-1, keepdims=True)).astype(np.float32)
+    return quat[:, [1, 2, 3, 0]]
 
 
 def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
     """A part of the object that moves as it does in the world."""
     mesh = scene.object.meshes[part]
     verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
-    node = _add_mesh(document, scene.part_name(part), verts[None], faces, scene.part_colour(part))
+    node = _add_mesh(document, scene.part_name(part), verts, faces, scene.part_colour(part))
     quat, translation = scene.part_motion(part)
-    # the same rotations, with the signs of quaternions chosen to be continuous over time
-    agrees = (quat[1:] * quat[:-1]).sum(-1) >= 0
-    quat = quat * np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))[:, None]
-    quat = (quat / np.linalg.norm(quat, axis=-1, keepdims=True)).astype(np.float32)
-    quat_xyzw = quat[:, [1, 2, 3, 0]]
+    quat_xyzw = _xyzw(quat)
     document.tables["nodes"][node] |= {
         "rotation": quat_xyzw[0].tolist(),
         "translation": translation[0].tolist(),

@@ -34,8 +34,6 @@ with interrupts_wait():
 
 MESHES = (".obj", ".ply")  # endings of the formats that make a folder
 FILMS = (".mp4", ".gif")
-MOST_IN_GLB = 12_000
-"""Frames of a GLB: a weight for each of them in each of them makes half a gigabyte."""
 ENDINGS = (".html", ".png", *FILMS, ".glb", ".bvh", ".npz", *MESHES)
 
 
@@ -68,11 +66,6 @@ def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
             raise InputError(
                 f"{path}: a BVH holds a body, got hands alone; view what `geneoh generate --body` "
                 "wrote"
-            )
-        if ending == ".glb" and scene.frames > MOST_IN_GLB:
-            raise InputError(
-                f"{path}: a GLB holds at most {MOST_IN_GLB} frames, because its size grows with "
-                f"their square, got {scene.frames}; view a shorter clip, or write .obj"
             )
         if ending == ".png":
             refuse_frames(scene, look.frames)

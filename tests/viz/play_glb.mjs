@@ -4,14 +4,16 @@ import { pathToFileURL } from "node:url";
 
 const [, , modules, file, ...times] = process.argv;
 const from = (path) => import(pathToFileURL(`${modules}/three/${path}`));
-const { AnimationMixer, Vector3 } = await from("build/three.module.js");
+const { AnimationMixer, LoopOnce, Vector3 } = await from("build/three.module.js");
 const { GLTFLoader } = await from("examples/jsm/loaders/GLTFLoader.js");
 
 const bytes = readFileSync(file);
 const whole = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
 const { scene, animations } = await new GLTFLoader().parseAsync(whole, "");
 const mixer = new AnimationMixer(scene);
-mixer.clipAction(animations[0]).play();
+const action = mixer.clipAction(animations[0]).setLoop(LoopOnce);
+action.clampWhenFinished = true; // else the last frame may be the first one again
+action.play();
 
 const played = times.map((time) => {
   mixer.setTime(Number(time));

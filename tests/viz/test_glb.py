@@ -2,15 +2,18 @@ import json
 import os
 import struct
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.meshes import mesh_beside
+from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.viz.glb import glb_bytes, upright
 from geneoh.viz.look import Look
@@ -18,8 +21,9 @@ from geneoh.viz.scene import make_scene
 
 UP = Look().upward
 
-TYPES = {5126: "<f4", 5125: "<u4"}
-WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+TYPES = {5126: "<f4", 5125: "<u4", 5121: "u1"}
+WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -41,47 +45,82 @@ def read(glb: bytes, index: int) -> np.ndarray:
     return values.reshape(accessor["count"], width)
 
 
-def test_every_frame_played_back_is_that_frames_mesh(scene, glb):
+@pytest.fixture(scope="module")
+def lively():
+    """The recording's left hand and its mirror image, of which fingers move, and the GLB."""
+    given = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:20]
+    left = given.hands[0]
+    scene = make_scene({"clip": replace(given, hands=(left, left.mirrored()))})
+    return scene, glb_bytes(scene)
+
+
+def animated(glb: bytes, name: str) -> dict[str, np.ndarray]:
+    """What is animated of the node of a name, by its path."""
     document, _ = chunks(glb)
-    hand = scene.versions[1].hands[0]
-    primitive = document["meshes"][0]["primitives"][0]
-    rest = read(glb, primitive["attributes"]["POSITION"])
-    steps = np.stack([read(glb, target["POSITION"]) for target in primitive["targets"]])
     animation = document["animations"][0]
-    (weights,) = (
-        read(glb, animation["samplers"][channel["sampler"]]["output"])
+    return {
+        channel["target"]["path"]: read(glb, animation["samplers"][channel["sampler"]]["output"])
         for channel in animation["channels"]
-        if channel["target"] == {"node": 0, "path": "weights"}
+        if document["nodes"][channel["target"]["node"]]["name"] == name
+    }
+
+
+def placed(turns: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(T, 4, 4) of quaternions xyzw and places."""
+    result = np.tile(np.eye(4), (len(turns), 1, 1))
+    result[:, :3, :3] = Rotation.from_quat(turns).as_matrix()
+    result[:, :3, 3] = places
+    return result
+
+
+def played(glb: bytes, side: str) -> np.ndarray:
+    """(T, V, 3) the vertices of a hand, as the specification of glTF has it."""
+    document, _ = chunks(glb)
+    (node,) = [node for node in document["nodes"] if node["name"] == f"{side} hand"]
+    skin = document["skins"][node["skin"]]
+    (primitive,) = document["meshes"][node["mesh"]]["primitives"]
+    rest, joints, weights = (
+        read(glb, primitive["attributes"][name]) for name in ("POSITION", "JOINTS_0", "WEIGHTS_0")
     )
-    weights = weights.reshape(len(hand.verts), -1)
-    played = rest + np.einsum("tk,kvc->tvc", weights, steps)
-    np.testing.assert_allclose(played, hand.verts.numpy(), atol=1e-6)
+    shares = animated(glb, node["name"])["weights"].reshape(-1, len(primitive["targets"]))
+    assert shares.min() >= 0
+    assert shares.max() <= 1
+    bulges = np.stack([read(glb, target["POSITION"]) for target in primitive["targets"]])
+    rest = rest + np.einsum("tk,kvc->tvc", shares, bulges)
+    back = read(glb, skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+    worlds: dict[int, np.ndarray] = {}
+    for index in skin["joints"]:  # parents come first
+        joint = document["nodes"][index]
+        moves = animated(glb, joint["name"])
+        places = moves.get("translation", joint["translation"])
+        worlds[index] = worlds.get(index, np.eye(4)) @ placed(moves["rotation"], places)
+        worlds |= {child: worlds[index] for child in joint.get("children", ())}
+    turned = np.stack([worlds[index] @ back[k] for k, index in enumerate(skin["joints"])], 1)
+    blend = np.einsum("vi,tvirc->tvrc", weights, turned[:, joints])
+    whole = np.concatenate([rest, np.ones_like(rest[..., :1])], axis=-1)
+    return np.einsum("tvrc,tvc->tvr", blend, whole)[..., :3]
 
 
-def test_trimesh_reads_the_first_frame_where_it_is_in_the_world(scene, glb, tmp_path):
+@pytest.mark.parametrize("hand", [0, 1])
+def test_every_frame_played_back_is_that_frames_mesh(lively, hand):
+    scene, glb = lively
+    track = scene.versions[0].hands[hand]
+    np.testing.assert_allclose(played(glb, track.side), track.verts.numpy(), atol=2e-5)
+
+
+def test_trimesh_reads_the_object_where_it_is_in_the_first_frame(scene, glb, tmp_path):
     (tmp_path / "clip.glb").write_bytes(glb)
     loaded = trimesh.load_scene(tmp_path / "clip.glb", process=False)
     back = np.eye(4)
     back[:3, :3] = upright(UP).T
-    hand = scene.versions[1].hands[0]
-    for name, verts in (
-        ("right hand", hand.verts[0]),
-        ("object 2", scene.object_verts(1, 0)),
-    ):
-        turn, geometry = loaded.graph[name]
-        mesh = loaded.geometry[geometry].copy()
-        mesh.apply_transform(back @ turn)
-        np.testing.assert_allclose(mesh.vertices, verts.numpy(), atol=1e-4)
+    turn, geometry = loaded.graph["object 2"]
+    mesh = loaded.geometry[geometry].copy()
+    mesh.apply_transform(back @ turn)
+    np.testing.assert_allclose(mesh.vertices, scene.object_verts(1, 0).numpy(), atol=1e-4)
 
 
 def test_a_hand_that_is_not_there_has_no_size(scene, glb):
-    document, _ = chunks(glb)
-    animation = document["animations"][0]
-    (size,) = (
-        read(glb, animation["samplers"][channel["sampler"]]["output"])
-        for channel in animation["channels"]
-        if channel["target"]["path"] == "scale"
-    )
+    size = animated(glb, "left_wrist")["scale"]
     assert size[:, 0].tolist() == scene.versions[1].hands[1].valid.float().tolist()
 
 
@@ -120,7 +159,8 @@ def test_the_khronos_validator_finds_no_error(glb, node_modules, tmp_path):
     assert issues["numWarnings"] == 0, issues["messages"]
 
 
-def test_three_js_plays_every_frame_where_it_is_in_the_world(scene, glb, node_modules, tmp_path):
+def test_three_js_plays_every_frame_where_it_is_in_the_world(lively, node_modules, tmp_path):
+    scene, glb = lively
     if not (node_modules / "three").is_dir():
         pytest.skip("GENEOH_NODE_MODULES holds no three; `npm install three` there")
     (tmp_path / "clip.glb").write_bytes(glb)
@@ -134,11 +174,11 @@ def test_three_js_plays_every_frame_where_it_is_in_the_world(scene, glb, node_mo
     )
     assert run.returncode == 0, run.stderr
     turn = upright(UP)
-    hand = scene.versions[1].hands[0]
-    for frame, played in enumerate(json.loads(run.stdout)):
-        expected = {"right_hand": hand.verts[frame], "object_2": scene.object_verts(1, frame)}
+    hand = scene.versions[0].hands[0]
+    for frame, shown in enumerate(json.loads(run.stdout)):
+        expected = {"left_hand": hand.verts[frame], "object": scene.object_verts(0, frame)}
         for name, verts in expected.items():
-            np.testing.assert_allclose(played[name], verts.numpy() @ turn.T, atol=1e-4)
+            np.testing.assert_allclose(shown[name], verts.numpy() @ turn.T, atol=1e-4)
 
 
 def test_a_glb_of_ours_is_no_mesh_of_an_object(scene, tmp_path):

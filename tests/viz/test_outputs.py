@@ -10,7 +10,7 @@ from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.outputs import is_ours
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import ObjectTrack
-from geneoh.viz import outputs, video
+from geneoh.viz import video
 from geneoh.viz.outputs import write
 from geneoh.viz.video import ffmpeg_path, film_frames
 
@@ -39,13 +39,6 @@ def test_a_folder_that_is_there_is_refused_and_kept(scene, tmp_path):
     with pytest.raises(InputError, match="expected a new folder"):
         write(scene, tmp_path / "clip.ply")
     assert list((tmp_path / "clip").iterdir()) == []
-
-
-def test_a_glb_of_too_many_frames_is_refused(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(outputs, "MOST_IN_GLB", scene.frames - 1)
-    with pytest.raises(InputError, match=r"a GLB holds at most 5 frames.*write \.obj"):
-        write(scene, tmp_path / "clip.glb")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_smplx_parameters_read_back_as_the_same_hand(one_hand, tmp_path):
