@@ -79,8 +79,14 @@ def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
 
 
 def frames_in(value: Any) -> list[Any]:
-    """The results in a JSON value, one a frame, which may stand under "result" beside its time."""
-    if isinstance(value, dict):
+    """The results in a JSON value, one a frame, which may stand under "result" beside its time.
+
+    Or by the numbers of their frames.
+    """
+    if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
+        given = sorted((int(number), result or {}) for number, result in value.items())
+        value = [{"frame": n, **result} for n, result in given if isinstance(result, dict)]
+    elif isinstance(value, dict):
         value = next((value[name] for name in LISTS if name in value), [value])
     return [
         {**frame, **frame["result"]}

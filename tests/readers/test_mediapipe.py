@@ -103,6 +103,14 @@ def test_results_in_lines_and_under_frames_are_read(tmp_path):
         assert "30 frames a second assumed" in sequence.source
 
 
+def test_results_by_the_numbers_of_their_frames_keep_those_that_are_left_out(read):
+    numbers = (0, 1, 3, 4, 5)
+    results = {str(number): python_task(POINTS[k]) for k, number in enumerate(numbers)}
+    (hand,) = read(dict(reversed(results.items()))).hands
+    assert hand.valid.tolist() == [number in numbers for number in range(6)]
+    np.testing.assert_allclose(hand.joints[list(numbers)], POINTS, atol=1e-6)
+
+
 def test_the_rate_beside_results_is_read_and_another_one_refused(read):
     results = {"fps": 60, "frames": [python_task(points) for points in POINTS]}
     sequence = read(results)
