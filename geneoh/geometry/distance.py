@@ -209,6 +209,12 @@ class MovingSurface:
         """The object in some of the frames."""
         return replace(self, rotation=self.rotation[frames], translation=self.translation[frames])
 
+    def of_parts(self, parts: list[int]) -> "MovingSurface":
+        """Some of the parts alone, in that order."""
+        fields = tuple(self.fields[part] for part in parts)
+        moving = self.rotation[:, parts], self.translation[:, parts]
+        return MovingSurface(fields, *moving, self.within)
+
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
         """Distance in each frame to the part with the least signed distance."""
         found = []

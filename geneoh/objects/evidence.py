@@ -108,15 +108,19 @@ def evidence_at_hand(
         return poses.amin(1)
     shares = []
     for part in range(poses.shape[1]):
-        alone = replace(
-            surface,
-            fields=surface.fields[part : part + 1],
-            rotation=surface.rotation[:, part : part + 1],
-            translation=surface.translation[:, part : part + 1],
-        )
-        beside = share_between(distance_of_nearest(joints, alone), BESIDE, APART).to(poses)
+        away = distance_of_nearest(joints, surface.of_parts([part]))
+        beside = share_between(away, BESIDE, APART).to(poses)
         shares.append(torch.maximum(poses[:, part], 1 - beside))
     return torch.stack(shares).amin(0)
+
+
+def held_part(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> int:
+    """The part of the object that the hand is at for longest; the first one where none is."""
+    if len(surface.fields) == 1:
+        return 0
+    parts = range(len(surface.fields))
+    away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
+    return int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
 
 
 def acceleration_around(

@@ -14,7 +14,7 @@ from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
-from geneoh.objects.evidence import blended, evidence_of_place
+from geneoh.objects.evidence import blended, evidence_of_place, held_part
 from geneoh.pipeline.alone import hand_alone, without_jitter
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
@@ -68,7 +68,10 @@ class StageRun:
         """
         samples = None
         if surface is not None and bool((near * poses > LEAST_EVIDENCE).any()):
-            context = stage_context(surface, self.subject, fps, generator=self.generator)
+            held, parts = held_part(self.subject.joints, surface), range(len(surface.fields))
+            # the stages see the hand from the first part: not from what the other hand holds
+            seen = surface.of_parts(sorted(parts, key=lambda part: part != held))
+            context = stage_context(seen, self.subject, fps, generator=self.generator)
             context = replace(
                 context,
                 canonical=chosen.canonical,
