@@ -130,7 +130,7 @@ def check_hand(hand: HandTrack, name: str) -> None:
                 f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
             )
     if hand.joints is not None:
-        span = float(hand_span(hand.joints[hand.valid]))
+        span = float(hand_span(hand.joints[without_collapsed(hand).valid]))
         if span > LARGEST_HAND:  # what has no confidence may be anywhere
             sure = hand.joints.masked_fill(~(hand.trust > 0)[..., None], torch.nan)
             span = max(float(hand_span(sure[hand.observed])), SMALLEST_HAND)

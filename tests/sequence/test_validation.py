@@ -58,6 +58,12 @@ def test_an_implausible_sequence_is_refused(bad, words):
         check_sequence(bad)
 
 
+def test_a_hand_may_be_zeros_in_most_of_the_frames():
+    joints = HAND.joints.clone()
+    joints[1:] = 0
+    check_sequence(replace(GOOD, hands=(replace(HAND, joints=joints),)))
+
+
 def test_keypoints_without_confidence_may_be_anywhere():
     confidence = torch.ones(FRAMES, 21)
     confidence[:, 8] = 0.0
