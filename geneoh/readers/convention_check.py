@@ -29,6 +29,8 @@ POSE_LIMIT = 0.015
 """Mean metres between stored keypoints and those of the pose with the best constant skeleton."""
 POINT_LIMIT = 0.005
 """Metres between a stored object and its mesh moved by its pose."""
+HANDEDNESS = "handedness:"
+"""How the sentences of `hand_checks` on hands of the other side begin."""
 J0_SHARE = 0.3
 """Share by which the length of J0 differs from hand to hand."""
 LARGEST_CONDITION = 100.0
@@ -65,6 +67,12 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
 
     `InputError` where the keypoints are certainly in another order; `name` is that of the file.
     """
+    named_wrongly = len(sequence.hands) == 2 and all(map(is_of_the_other_side, sequence.hands))
+    if named_wrongly:
+        yield (
+            f"{HANDEDNESS} the fingers of both hands curl away from their palms; unless they are "
+            "flat, the left hand is called right and the right one left: exchange the two names"
+        )
     for hand in sequence.hands:
         refuse_other_order(hand, name)
         away = float(distance_to_object(hand, sequence.object)[hand.valid].min())
@@ -80,8 +88,16 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
             *check_holding(hand, sequence.object),
             *check_delay(hand, sequence.object, sequence.fps),
         )
-        yield from (f"{hand.side} hand: {words}" for words in told)
+        for words in told:
+            if not (named_wrongly and words.startswith(HANDEDNESS)):
+                yield f"{hand.side} hand: {words}"
     yield from check_repeats(sequence.object)
+
+
+def is_of_the_other_side(hand: HandTrack) -> bool:
+    """Whether a hand is told to be of the other side."""
+    told = (*check_keypoint_order(hand), *check_finger_bend(hand))
+    return any(words.startswith(HANDEDNESS) for words in told)
 
 
 def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array] | None:

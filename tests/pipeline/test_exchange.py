@@ -8,6 +8,7 @@ import torch
 
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.exchange import with_frames_of, without_exchange
+from geneoh.readers.convention_check import doubts
 from geneoh.readers.npz_files import load
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -82,6 +83,8 @@ def test_other_hands_stay_as_they_are(pair, noise):
 def test_hands_of_the_wrong_sides_in_all_frames_are_not_exchanged(pair):
     given = exchanged(pair, torch.ones(146, dtype=torch.bool))
     assert without_exchange(given) == (given, ())
+    (said,) = doubts(given, "both")
+    assert said.endswith("exchange the two names")  # --side would read the other one, as wrong
 
 
 def test_one_hand_under_two_names_is_told(pair):
