@@ -259,8 +259,13 @@ def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
 def hand_in(fields: Fields, side: Side) -> Fields | None:
     """The fields of a hand without its side, none of them empty; None where there are none."""
     names = {name: fields.get(f"{side}_{name}") for name in HAND_FIELDS if name != "betas"}
-    found = {name: value for name, value in names.items() if value not in (None, [])}
+    found = {name: value for name, value in names.items() if not is_null(value)}
     return found or None
+
+
+def is_null(value: Any) -> bool:
+    """Whether a value is null, or a list of nothing else."""
+    return value is None or (isinstance(value, list) and all(map(is_null, value)))
 
 
 def pose_in(fields: Fields, where: str) -> Any:
@@ -268,12 +273,14 @@ def pose_in(fields: Fields, where: str) -> Any:
     if fields.get("obj_pose") is not None:
         return fields["obj_pose"]
     rotation, translation = (fields.get(name) for name in POSE_FIELDS[:2])
+    if is_null(rotation) and is_null(translation):
+        return None
     if (rotation is None) != (translation is None):
         raise InputError(
             f"{where}: expected 'object_rotation' together with 'object_translation', got one of "
             "the two; add the other, or leave both out where the object is lost"
         )
-    return None if rotation is None else (rotation, translation)
+    return rotation, translation
 
 
 def fields_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:

@@ -130,7 +130,7 @@ class Record:
         if count_entries(value) > NUMBERS_LIMIT:
             raise self.refuse(name, f"at most {NUMBERS_LIMIT} numbers")
         try:
-            array = np.asarray(value)
+            array = array_in(value)
             if array.dtype.kind == "O" and isinstance(value, list):
                 told = all(each is None or isinstance(each, int | float) for each in array.flat)
                 array = array.astype(np.float64) if told else array
@@ -217,7 +217,11 @@ class Record:
 
     def refuse_lengths(self, *names: str) -> None:
         """Refuse fields of one track that do not have the same number of frames."""
-        lengths = {name: len(np.atleast_1d(self.values[name])) for name in names if name in self}
+        fields = {name: self.values[name] for name in names if name in self}
+        lengths = {
+            name: len(value if isinstance(value, list) else np.atleast_1d(value))
+            for name, value in fields.items()
+        }
         if len(set(lengths.values())) > 1:
             got = ", ".join(f"'{name}' with {length}" for name, length in lengths.items())
             raise InputError(
@@ -261,6 +265,27 @@ def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0
         seen[id(value)] = NUMBERS_LIMIT + 1  # until it is counted: a list that holds itself
         seen[id(value)] = sum(count_entries(item, seen, depth + 1) for item in value)
     return seen[id(value)]
+
+
+def array_in(value: Any) -> Array:
+    """Lists of lists as an array; null for one of them, as of JSON, is as many NaN."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        filled = without_gaps(value)
+        if count_entries(filled) > NUMBERS_LIMIT:
+            raise
+        return np.asarray(filled)
+
+
+def without_gaps(value: Any) -> Any:
+    """Lists with NaN in place of null where a list was expected; `ValueError` for uneven ones."""
+    if not isinstance(value, list):
+        return value
+    rows = [without_gaps(each) for each in value]
+    like = next((row for row in rows if isinstance(row, list)), None)
+    lost = None if like is None else np.full(np.shape(like), np.nan).tolist()
+    return [lost if row is None else row for row in rows]
 
 
 def matches(shape: tuple[int, ...], pattern: Shape) -> bool:

@@ -218,8 +218,11 @@ def test_null_within_numbers_and_an_empty_list_are_what_was_lost(stream, lines):
     lines[3]["right_joints"][8] = [None] * 3
     lines[4]["object_translation"] = [None] * 3
     lines[5]["right_joints"] = []
+    lines[6]["right_joints"][8] = None
+    lines[7]["right_joints"] = [None] * 21
+    lines[8]["object_rotation"], lines[8]["object_translation"] = [None], [None]
     found = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
-    assert [line["frame"] for line in found if line["right_filled"]] == [2, 5]
+    assert [line["frame"] for line in found if line["right_filled"]] == [2, 5, 7]
 
 
 @pytest.mark.parametrize(

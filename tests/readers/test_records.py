@@ -38,6 +38,11 @@ def test_lists_that_hold_each_other_are_refused_before_they_become_an_array():
 def test_null_in_a_list_of_numbers_is_nan():
     record = Record("a.json", {"points": [[1, None], [2.5, True]], "big": [10**400, None]})
     np.testing.assert_array_equal(record.numbers("points"), [[1, np.nan], [2.5, 1]])
+    rows = Record("a.json", {"rows": [None, [[1, 2], None]], "uneven": [[1, 2], None, [3]]})
+    lost = [np.nan] * 2
+    np.testing.assert_array_equal(rows.numbers("rows"), [[lost, lost], [[1, 2], lost]])
+    with pytest.raises(InputError, match="'uneven' must be an array of numbers"):
+        rows.numbers("uneven")
     with pytest.raises(InputError, match="'big' must be an array of numbers"):
         record.numbers("big")
 
