@@ -268,7 +268,7 @@ def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0
 
 
 def array_in(value: Any) -> Array:
-    """Lists of lists as an array; null for one of them, as of JSON, is as many NaN."""
+    """Lists of lists or arrays as one array; null or None for one of them is as many NaN."""
     try:
         return np.asarray(value)
     except ValueError:
@@ -279,12 +279,12 @@ def array_in(value: Any) -> Array:
 
 
 def without_gaps(value: Any) -> Any:
-    """Lists with NaN in place of null where a list was expected; `ValueError` for uneven ones."""
+    """Lists with NaN in place of None beside lists or arrays; `ValueError` for uneven ones."""
     if not isinstance(value, list):
         return value
     rows = [without_gaps(each) for each in value]
-    like = next((row for row in rows if isinstance(row, list)), None)
-    lost = None if like is None else np.full(np.shape(like), np.nan).tolist()
+    like = next((row for row in rows if np.ndim(row)), None)
+    lost = None if like is None else np.full(np.shape(like), np.nan)
     return [lost if row is None else row for row in rows]
 
 

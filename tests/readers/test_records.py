@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import torch
 
 from geneoh.errors import InputError
 from geneoh.readers import foreign_files, records
@@ -41,6 +42,8 @@ def test_null_in_a_list_of_numbers_is_nan():
     rows = Record("a.json", {"rows": [None, [[1, 2], None]], "uneven": [[1, 2], None, [3]]})
     lost = [np.nan] * 2
     np.testing.assert_array_equal(rows.numbers("rows"), [[lost, lost], [[1, 2], lost]])
+    arrays = Record("arrays", {"rows": [None, np.ones(2), torch.zeros(2)]})
+    np.testing.assert_array_equal(arrays.numbers("rows"), [lost, [1, 1], [0, 0]])
     with pytest.raises(InputError, match="'uneven' must be an array of numbers"):
         rows.numbers("uneven")
     with pytest.raises(InputError, match="'big' must be an array of numbers"):
