@@ -15,7 +15,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
 from geneoh.objects.evidence import blended, evidence_of_place, held_part
-from geneoh.pipeline.alone import hand_alone, without_jitter
+from geneoh.pipeline.alone import hand_alone, without_jitter, without_jitter_at
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
@@ -80,6 +80,8 @@ class StageRun:
                 relied=poses,
             )
             samples, width = self.samples(context, chosen)
+            if chosen.observed and chosen.motion is not None:
+                samples = without_jitter_at(context, samples, self.subject.joints)
             if width is not None:
                 near = near * evidence_of_place(width)
         if samples is None or bool((near * poses < 1).any()):
