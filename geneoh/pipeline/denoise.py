@@ -40,6 +40,7 @@ from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
+from geneoh.sequence.repeats import repeats_told, without_repeats
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -142,7 +143,8 @@ def clean_interaction(
     evidence = torch.ones(sequence.frames, 1)
     if chosen.clean_object:
         palms = tuple(map(palm_of, sequence.hands))
-        motion, examined = clean_object(sequence.object, sequence.fps, palms)
+        notes += repeats_told(motion, "taken as missing")
+        motion, examined = clean_object(without_repeats(motion), sequence.fps, palms)
         notes += examined.sentences()
         evidence = evidence_of_poses(examined, motion, sequence.fps)[:, motion.seen_parts]
     # a part that was never seen stands at the origin, where a hand must not meet it

@@ -12,6 +12,7 @@ from geneoh.readers.convention_check import doubts
 from geneoh.readers.hand_checks import refuse_other_order
 from geneoh.readers.holding_check import POSES_REACH
 from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.repeats import repeats_told
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_distance, least_distance
 
@@ -19,6 +20,9 @@ SECONDS = 2.0
 """Of the frames that are looked at, from the first one with the hand on: a delay needs as many."""
 ORDER_FRAMES = 10
 """Frames with the hand after which an order of the keypoints is certain."""
+
+REPEATED = "as of a sensor that is slower than the hand's; give no pose in these frames"
+"""What to do about repeated poses: a stream cannot know how many are to come."""
 
 
 class FirstLook:
@@ -72,6 +76,7 @@ class FirstLook:
             if least_distance(hand, motion) > POSES_REACH:
                 check_distance(hand, motion, where)
             found = (*lost, *doubts(Sequence((hand,), motion, self._fps), where))
+            found += tuple(repeats_told(motion, REPEATED))
         except InputError as error:
             raise InputError(without_options(str(error))) from None
         if self._meshes and not motion.is_seen:

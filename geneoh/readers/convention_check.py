@@ -17,7 +17,7 @@ from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
 from geneoh.readers.delay_check import check_delay
 from geneoh.readers.hand_checks import check_finger_bend, check_keypoint_order, refuse_other_order
-from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_place, check_repeats
+from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_place
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -91,7 +91,6 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
         for words in told:
             if not (named_wrongly and words.startswith(HANDEDNESS)):
                 yield f"{hand.side} hand: {words}"
-    yield from check_repeats(sequence.object)
 
 
 def is_of_the_other_side(hand: HandTrack) -> bool:

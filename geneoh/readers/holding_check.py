@@ -18,7 +18,6 @@ from geneoh.readers.records import Array
 from geneoh.sequence.camera import wrist_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.validation import FARTHEST_SCENE, ball_distance
-from geneoh.sequence.windows import runs
 
 TOUCHING_REACH = 0.25
 """Metres from the wrist to the object's ball beyond which no hand can touch the object,
@@ -32,9 +31,6 @@ SCATTER, SCATTER_SHARE = 0.03, 0.5
 No sound clip of 1,248 made ones is told so, half of them with 20 mm of noise."""
 MOVING_SPEED, MOVING_TURN = 0.002, 0.02
 """Metres and radians a frame from which on something moves: a hand that rests shows nothing."""
-LEAST_REPEATS, REPEATS_SHARE = 2, 0.3
-"""Frames in a row in which a pose that leaps before and after repeats the one before, and their
-share of the frames that does harm: one pose for two frames does none."""
 TRANSPOSED = "the object's rotation transposed"
 INVERTED = "the object's poses inverted, as they are world to object"
 REORDERED = (
@@ -66,28 +62,6 @@ def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
             f"place: its wrist stays {nearest:.0f} m from the poses of the object, too far to "
             "touch it; give both in metres and in the same frame (--object-pose, --keypoint-unit)"
         )
-
-
-def check_repeats(motion: ObjectTrack) -> Iterator[str]:
-    """Whether poses of a moving object stay as they are for some frames, as of a slower sensor."""
-    for part in range(len(motion.meshes)):
-        turn, shift = (v[:, part].cpu().numpy() for v in (motion.rotation, motion.translation))
-        steps = np.linalg.norm(np.diff(shift, axis=0), axis=1)
-        stays = (steps == 0) & (turn[1:] == turn[:-1]).all((1, 2))
-        if motion.valid is not None:
-            seen = motion.valid[:, part].cpu().numpy()
-            stays &= seen[1:] & seen[:-1]
-        leaps = np.pad(steps > MOVING_SPEED, 1)
-        lengths = [
-            run.stop - run.start for run in runs(stays) if leaps[run.start] and leaps[run.stop + 1]
-        ]
-        repeats = [length for length in lengths if length >= LEAST_REPEATS]
-        if len(repeats) >= HOLDING_STEPS and sum(repeats) > REPEATS_SHARE * len(stays):
-            yield (
-                f"the pose of {motion.name_of(part)} stays as it is in {sum(repeats)} frames "
-                "between leaps, as of a sensor that is slower than the hand's; write NaN in these "
-                "frames, which are then filled in"
-            )
 
 
 def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:

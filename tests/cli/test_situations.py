@@ -86,6 +86,14 @@ def recorded(**changes: object) -> Callable[[Path], None]:
     return write
 
 
+def with_repeated_poses(folder: Path) -> None:
+    """Frames of the recording whose object was seen in every second one."""
+    with np.load(ROOT / "examples/taco_clean.npz") as arrays:
+        seen = 60 + np.array([0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10, 11])
+        fields = {name: arrays[name][seen] for name in ("object_rotation", "object_translation")}
+    recorded(**fields)(folder)
+
+
 def with_faulty_frame(
     wrong: Callable[[np.ndarray], np.ndarray],
 ) -> Callable[[Path], None]:
@@ -396,6 +404,12 @@ SITUATIONS = [
         "No mesh",
         "nothing is known of contact",
         command=RUN.replace(" --obj object.obj", ""),
+        code=0,
+    ),
+    Situation(
+        "The pose repeats a frame while the object moves",
+        "repeats the one before, between two leaps, in 5 frames: taken as missing",
+        with_repeated_poses,
         code=0,
     ),
     Situation(

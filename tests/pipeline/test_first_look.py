@@ -89,3 +89,13 @@ def test_frames_before_the_hand_is_seen_do_not_count(seen):
         return (joints if next(count) >= 25 else joints * torch.nan, turn.mT, place)
 
     assert seen(hidden)[0] == 25 + 59
+
+
+def test_poses_of_a_slower_sensor_are_told(clean):
+    stream = Stream(clean.object.meshes, side="left")
+    first, motion = FirstLook(clean.object.meshes, 30.0), clean.object
+    for frame in range(40, 100):
+        seen = frame // 2 * 2
+        pose = stream._object((motion.rotation[seen], motion.translation[seen]), "")
+        said = first.push(Observed(clean.hands[0][frame : frame + 1], pose), "")
+    assert any("repeats the one before" in words for words in said), said

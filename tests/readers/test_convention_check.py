@@ -140,12 +140,3 @@ def test_quaternions_in_the_other_order_are_told(by, order):
     motion = replace(sequence.object, rotation=torch.from_numpy(turn).float()[:, None])
     (said,) = doubts(replace(sequence, object=motion), "taco")
     assert f"with the object's quaternions taken as {order}" in said
-
-
-@pytest.mark.parametrize(("every", "told"), [(1, 0), (2, 0), (4, 1)])
-def test_poses_that_are_held_for_some_frames_are_told(every, told):
-    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[40:120]
-    motion, held = sequence.object, torch.arange(80) // every * every
-    motion = replace(motion, rotation=motion.rotation[held], translation=motion.translation[held])
-    said = [words for words in doubts(replace(sequence, object=motion), "taco") if "NaN" in words]
-    assert len(said) == told

@@ -1,0 +1,53 @@
+"""Poses of an object that a slower sensor or video repeats."""
+
+from dataclasses import replace
+
+import torch
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.sequence.repeats import repeated_poses, repeats_told, without_repeats
+from geneoh.sequence.sequence import ObjectTrack
+
+FRAMES = 60
+
+
+def swing() -> ObjectTrack:
+    """An object that moves and turns all the while."""
+    angle = torch.linspace(0, 3, FRAMES)[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
+    time = torch.linspace(0, 0.4, FRAMES)[:, None]
+    place = torch.stack([time, time.square(), 0 * time], dim=-1)
+    return ObjectTrack((), axis_angle_to_matrix(angle), place)
+
+
+def nearest(motion: ObjectTrack, rate: int) -> ObjectTrack:
+    """The track at some frames a second, brought to 30 by the last pose that there is."""
+    at = torch.arange(FRAMES) * rate // 30 * 30 // rate
+    return replace(motion, rotation=motion.rotation[at], translation=motion.translation[at])
+
+
+def test_poses_of_a_slower_video_are_those_between():
+    motion = swing()
+    for rate, count in ((15, 28), (10, 36)):
+        slow = nearest(motion, rate)
+        filled = without_repeats(slow)
+        assert int((~filled.valid).sum()) == count
+        off, before = (
+            (each.translation - motion.translation)[4:-4].norm(dim=-1).max()
+            for each in (filled, slow)
+        )
+        assert off < 0.05 * before
+    told = next(iter(repeats_told(slow, "taken as missing")))
+    assert told.endswith("in 36 frames: taken as missing")
+
+
+def test_rests_and_single_repeats_are_motion():
+    motion, at = swing(), torch.arange(FRAMES)
+    assert without_repeats(motion) is motion
+    rests = at.clone()
+    for start in (10, 30):
+        rests[start : start + 10] = start
+    rested = replace(motion, rotation=motion.rotation[rests], translation=motion.translation[rests])
+    assert without_repeats(rested) is rested
+    slow = nearest(motion, 15)
+    slow.translation[40:50], slow.rotation[40:50] = slow.translation[40], slow.rotation[40]
+    assert not repeated_poses(slow)[42:49].any()
