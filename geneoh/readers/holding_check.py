@@ -24,6 +24,9 @@ TOUCHING_REACH = 0.25
 and within which a reading has the hand hold it."""
 POSES_REACH = 5.0
 """Metres from the wrist to the origin of an object without a mesh, which no object reaches over."""
+ROUNDING, TRAVEL = 1e-6, 0.1
+"""Metres that points stay within which do not move, and from which on an object that moves is not
+turned by the fingers of a hand that is held still."""
 HOLDING_STEPS, HOLDING_GAIN, HOLDING_SHARE = 5, 0.002, 0.4
 """Moving frames that are needed; metres a frame and share by which another reading is better."""
 SCATTER, SCATTER_SHARE = 0.03, 0.5
@@ -45,7 +48,7 @@ Reading = tuple[Array, Array, Array]
 
 def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     """Whether the wrist comes near the world's origin, and near the poses of an object without a
-    mesh."""
+    mesh, and moves where the object does."""
     wrist, seen = wrist_of(hand), hand.trust[:, 0] > 0
     away = float(wrist.norm(dim=-1).masked_fill(~seen, torch.inf).min())
     if FARTHEST_SCENE < away < torch.inf:
@@ -62,6 +65,15 @@ def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
             f"place: its wrist stays {nearest:.0f} m from the poses of the object, too far to "
             "touch it; give both in metres and in the same frame (--object-pose, --keypoint-unit)"
         )
+    way, place = wrist[seen], motion.translation[seen]
+    given = hand.pose if hand.joints is None else hand.joints
+    if motion.meshes and given is not None and len(way) > HOLDING_STEPS:
+        stays = float((way - way[0]).abs().max()) < ROUNDING < float(given[seen].std(0).max())
+        if stays and float((place - place[0]).norm(dim=-1).max()) > TRAVEL:
+            yield (
+                "place: its wrist stays exactly where it is while the fingers and the object move, "
+                "as in a hand that is relative to its wrist; add the wrist's place in the world"
+            )
 
 
 def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:

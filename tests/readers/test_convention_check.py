@@ -16,7 +16,7 @@ from geneoh.readers.convention_check import contradictions, doubts
 from geneoh.readers.hand_checks import MIDDLE_JOINTS
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
-from geneoh.sequence.sequence import ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -140,3 +140,13 @@ def test_quaternions_in_the_other_order_are_told(by, order):
     motion = replace(sequence.object, rotation=torch.from_numpy(turn).float()[:, None])
     (said,) = doubts(replace(sequence, object=motion), "taco")
     assert f"with the object's quaternions taken as {order}" in said
+
+
+@pytest.mark.parametrize("rooted", [True, False])
+def test_a_hand_that_is_relative_to_its_wrist_is_told(rooted):
+    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[30:90]
+    joints = sequence.hands[0].joints
+    moved = joints - joints[:, :1] + joints[:1, :1] if rooted else joints
+    hand = HandTrack("left", sequence.hands[0].valid, joints=moved)
+    said = list(doubts(replace(sequence, hands=(hand,)), "taco"))
+    assert any("relative to its wrist" in words for words in said) == rooted
