@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import numbered
@@ -16,8 +16,9 @@ from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
-LEAP, LEAP_TURN = 0.002, 0.02
-"""Metres and radians of a step from which on the object moves."""
+LEAP, LEVER = 0.002, 0.07
+"""Metres of a step from which on the object moves, and the lever by which a rotation counts: a turn
+moves what is 10 cm off, by which the matrix changes by the root of 2."""
 FEWEST, LONGER = 5, 2
 """Stops between leaps that are no chance, and how many times as long as usual one of them may be:
 what is longer is a rest."""
@@ -43,17 +44,24 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     """Poses that are exactly the one before, between leaps; none where that is rare."""
     found = torch.zeros(motion.rotation.shape[:2], dtype=torch.bool)
     seen = torch.ones_like(found) if motion.valid is None else motion.valid.cpu()
-    shift = motion.translation.diff(dim=0).norm(dim=-1)
-    # of small angles, the norm of the difference of two rotations is the square root of 2 of it
-    turn = motion.rotation.diff(dim=0).flatten(2).norm(dim=-1) / 2**0.5
-    leaps = np.pad(((shift > LEAP) | (turn > LEAP_TURN)).cpu().numpy(), ((1, 1), (0, 0)))
-    still = (shift == 0) & (turn == 0)
+    both = seen[1:] & seen[:-1]
+    steps = torch.cat([motion.translation, LEVER * motion.rotation.flatten(2)], -1).diff(dim=0)
     for part in range(found.shape[1]):
-        stays = (still[:, part].cpu() & seen[1:, part] & seen[:-1, part]).numpy()
-        stops = [s for s in runs(stays) if leaps[s.start, part] and leaps[s.stop + 1, part]]
-        if len(stops) >= FEWEST:
-            lengths = [stop.stop - stop.start for stop in stops]
-            usual = float(np.median(lengths))
-            for stop, length in zip(stops, lengths, strict=True):
-                found[stop.start + 1 : stop.stop + 1, part] = length <= LONGER * usual
+        stops = [
+            stop
+            for stop in runs(((steps == 0).all(-1).cpu() & both)[:, part].numpy())
+            if goes_on(steps[:, part], stop)
+        ]
+        lengths = [stop.stop - stop.start for stop in stops]
+        for stop, length in zip(stops, lengths, strict=True):
+            short = len(stops) >= FEWEST and length <= LONGER * float(np.median(lengths))
+            found[stop.start + 1 : stop.stop + 1, part] = short
     return found.to(motion.rotation.device)
+
+
+def goes_on(steps: Float[Tensor, "N D"], stop: slice) -> bool:
+    """Whether steps are leaps before and after a stop, and lead on: what turns back does stop."""
+    if stop.start == 0 or stop.stop == len(steps):
+        return False
+    before, after = steps[stop.start - 1], steps[stop.stop]
+    return bool(min(before.norm(), after.norm()) > LEAP and before @ after > 0)

@@ -51,3 +51,10 @@ def test_rests_and_single_repeats_are_motion():
     slow = nearest(motion, 15)
     slow.translation[40:50], slow.rotation[40:50] = slow.translation[40], slow.rotation[40]
     assert not repeated_poses(slow)[42:49].any()
+
+
+def test_what_turns_back_stands_still_for_a_moment():
+    to_and_fro = 0.02 * torch.tensor([0.0, 1.0, 1.0, 0.0, -1.0, -1.0]).repeat(FRAMES // 6)
+    place = to_and_fro[:, None, None] * torch.tensor([1.0, 0.0, 0.5])
+    hammer = replace(swing(), rotation=torch.eye(3).repeat(FRAMES, 1, 1, 1), translation=place)
+    assert without_repeats(hammer) is hammer
