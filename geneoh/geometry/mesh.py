@@ -20,9 +20,10 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
-from geneoh.geometry.mesh_formats import absolute_obj, refuse_packed
+from geneoh.geometry.mesh_formats import refuse_packed, rewritten
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 from geneoh.interrupts import interrupts_wait
+from geneoh.modes import undisturbed
 
 if TYPE_CHECKING:
     import trimesh
@@ -103,6 +104,7 @@ class Mesh(Bundle):
 
 
 @checked_call
+@undisturbed()
 def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
@@ -171,9 +173,9 @@ def by_trimesh(path: Path) -> Mesh:
     try:
         if path.suffix.lower() == ".glb":
             refuse_packed(path.read_bytes())
-        counted = absolute_obj(path) if path.suffix.lower() == ".obj" else None
-        kind = None if counted is None else "obj"  # else that of the path
-        scene = trimesh.load_scene(counted or path, file_type=kind, process=False)
+        data = rewritten(path)
+        kind = None if data is None else path.suffix[1:].lower()  # else that of the path
+        scene = trimesh.load_scene(data or path, file_type=kind, process=False)
         joined = from_trimesh(scene.to_mesh())
         mesh = replace(joined, source=path, parts=scene_parts(scene, path))
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
@@ -390,7 +392,7 @@ def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E
 
 def connected(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " V"]:
     """The number of the connected piece that each vertex belongs to, up to the last in an edge."""
-    start, end = edges.cpu().numpy().T
+    start, end = edges.cpu().int().numpy().T  # scipy before 1.12 takes no others
     size = int(edges.max()) + 1
     links = coo_array((np.ones(len(start)), (start, end)), (size, size))
     label = connected_components(links, directed=False)[1]

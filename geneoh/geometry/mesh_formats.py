@@ -1,7 +1,8 @@
-"""GLB and OBJ files that trimesh would read as another mesh."""
+"""Mesh files that trimesh would read as another mesh, or not at all."""
 
 import io
 import json
+import re
 from pathlib import Path
 
 
@@ -17,14 +18,48 @@ def refuse_packed(data: bytes) -> None:
         raise ValueError(f"its points are packed by {', '.join(packed)}, which must be left out")
 
 
-def absolute_obj(path: Path) -> io.BytesIO | None:
-    """An OBJ file whose faces count their points backward, with numbers that count from the first.
+def rewritten(path: Path) -> io.BytesIO | None:
+    """What trimesh is to read instead of an OBJ, PLY, STL or OFF file; None where it is that file.
 
-    None where none does so. trimesh counts from the end of the file, and not from the face.
+    trimesh guesses an encoding other than UTF-8 with a package that it does not install.
     """
-    lines = path.read_bytes().replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
-    if not any(line[:1] == b"f" and b"-" in line for line in lines):
+    kind, data = path.suffix.lower(), path.read_bytes()
+    text = data
+    if kind == ".ply":
+        text = data.partition(b"end_header")[0]
+    elif kind == ".stl" and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        text = b""  # a binary file
+    elif kind not in (".obj", ".stl", ".off"):
         return None
+    ascii_text = text if is_utf8(text) else without_foreign_signs(text)
+    counted = absolute_obj(ascii_text) if kind == ".obj" else ascii_text
+    return None if counted is text else io.BytesIO(counted + data[len(text) :])
+
+
+def is_utf8(text: bytes) -> bool:
+    """Whether a text is of that encoding."""
+    try:
+        text.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def without_foreign_signs(text: bytes) -> bytes:
+    """A text with _ for the bytes of signs beyond ASCII; in Shift-JIS and GBK the second byte of a
+    sign may be a backslash, which would join its line to the next one."""
+    return re.sub(rb"[\x80-\xff]\\?", lambda found: b"_" * len(found[0]), text)
+
+
+def absolute_obj(data: bytes) -> bytes:
+    """An OBJ file with numbers of points that count from the first, where some count backward.
+
+    The same object where none does so. trimesh counts from the end of the file, and not from the
+    face.
+    """
+    lines = data.replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
+    if not any(line[:1] == b"f" and b"-" in line for line in lines):
+        return data
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     for at, line in enumerate(lines):
         kind, *words = line.split() or [b""]
@@ -34,7 +69,7 @@ def absolute_obj(path: Path) -> io.BytesIO | None:
             corners = ([word.split(b"/"), list(counts.values())] for word in words)
             each = (b"/".join(map(from_first, *corner)) for corner in corners)
             lines[at] = b"f " + b" ".join(each)
-    return io.BytesIO(b"\n".join(lines))
+    return b"\n".join(lines)
 
 
 def from_first(index: bytes, count: int) -> bytes:

@@ -208,7 +208,8 @@ def solve(
     rows = [(each(stiff), triple(one[2:] - 2 * one[1:-1] + one[:-2]), bend)]
     rows += [(each(worth), triple(one), goal) for goal, worth in held]
     for turn, shift, worth in moves:
-        back = sparse.csr_matrix(sparse.block_diag(list(turn))) @ triple(behind)
+        blocks = [sparse.coo_matrix(one_turn) for one_turn in turn]  # scipy warns of bare arrays
+        back = sparse.csr_matrix(sparse.block_diag(blocks)) @ triple(behind)
         rows.append((each(worth), triple(ahead) - back, shift))
     for worth, row, goal in rows:
         matrix = matrix + row.T @ worth @ row

@@ -1,9 +1,11 @@
 import json
+import sys
 
 import numpy as np
 import pytest
 import torch
 import trimesh
+from scipy.sparse.csgraph import connected_components
 from watertight import is_watertight
 
 from geneoh.errors import InputError
@@ -11,6 +13,7 @@ from geneoh.geometry.mesh import (
     Mesh,
     by_trimesh,
     checked,
+    connected,
     from_trimesh,
     load_mesh,
     open_edges,
@@ -175,6 +178,40 @@ def test_a_glb_whose_points_are_packed_is_refused(ball, packed, tmp_path):
         load_mesh(path)
 
 
+FOREIGN = {  # a name of the program in Latin-1, in Shift-JIS ending in a backslash
+    "obj": b"g W\xfcrfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\ng \x95\x5c\nf 1 2 3\nf 1 2 4\n",
+    "off": b"OFF\n# W\xfcrfel\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n",
+    "ply": b"ply\nformat ascii 1.0\ncomment W\xfcrfel\nelement vertex 4\nproperty float x\n"
+    b"property float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\n"
+    b"end_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n",
+    "stl": b"solid W\xfcrfel\n"
+    + b"".join(
+        b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+        b"vertex %s\nendloop\nendfacet\n" % tip
+        for tip in (b"0 1 0", b"0 0 1")
+    )
+    + b"endsolid W\xfcrfel\n",
+}
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_names_in_another_encoding_are_no_obstacle(kind, tmp_path, monkeypatch):
+    for package in ("chardet", "charset_normalizer"):  # with which trimesh guesses, and no user has
+        monkeypatch.setitem(sys.modules, package, None)
+    (tmp_path / f"cube.{kind}").write_bytes(FOREIGN[kind])
+    mesh = load_mesh(tmp_path / f"cube.{kind}")
+    corners = {tuple(corner) for face in mesh.corners().tolist() for corner in face}
+    assert len(mesh.faces) == 2
+    assert corners == {(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)}
+
+
+def test_bytes_of_a_binary_stl_are_left_as_they_are(tmp_path):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    data = box.export(file_type="stl")
+    (tmp_path / "box.stl").write_bytes(b"W\xfcrfel".ljust(80) + data[80:])
+    assert torch.equal(load_mesh(tmp_path / "box.stl").corners(), from_trimesh(box).corners())
+
+
 def test_faces_may_count_their_points_backward(tmp_path):
     """As programs write them that put each group's points before its faces."""
     groups = [
@@ -266,6 +303,15 @@ def test_seams_are_no_openings_and_holes_are(ball):
     assert is_watertight(seams)
     assert int(open_edges(welded(seams).faces).sum()) == 0
     assert not is_watertight(Mesh(seams.verts, seams.faces[1:]))
+
+
+def test_edges_are_joined_by_the_integers_that_every_scipy_takes(monkeypatch):
+    def joined(links, **how):
+        assert links.coords[0].dtype == np.int32  # scipy before 1.12 takes no others
+        return connected_components(links, **how)
+
+    monkeypatch.setattr("geneoh.geometry.mesh.connected_components", joined)
+    assert connected(torch.tensor([[0, 1], [2, 3], [3, 4]])).tolist() == [0, 0, 1, 1, 1]
 
 
 def test_one_missing_face_leaves_its_three_edges_open(ball):
