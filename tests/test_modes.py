@@ -37,6 +37,13 @@ def loaded(folder: Path) -> Tensor:
     return geneoh.load(EXAMPLES / "taco_noisy.npz", obj=OBJ)[:6].hands[0].joints
 
 
+def of_arrays(folder: Path) -> Tensor:
+    with np.load(EXAMPLES / "taco_noisy.npz") as file:
+        names = ("left_joints", "object_rotation", "object_translation")
+        arrays = {name: file[name][:6] for name in names}
+    return geneoh.from_arrays(**arrays, fps=30, meshes=OBJ).hands[0].joints
+
+
 def read(folder: Path) -> Tensor:
     np.save(folder / "points.npy", np.load(EXAMPLES / "taco_noisy.npz")["left_joints"][:6])
     return geneoh.read("keypoints", folder / "points.npy", side="left", fps=30).hands[0].joints
@@ -90,8 +97,15 @@ def assert_undisturbed(call, modes, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_mode_of_the_caller_changes_nothing(mode, tmp_path):
-    assert_undisturbed(loaded, [MODES[mode]], tmp_path)
+@pytest.mark.parametrize("call", [loaded, of_arrays])
+def test_a_mode_of_the_caller_changes_nothing(call, mode, tmp_path):
+    assert_undisturbed(call, [MODES[mode]], tmp_path)
+
+
+def test_what_is_loaded_within_inference_mode_takes_part_in_gradients(tmp_path):
+    with torch.inference_mode():
+        made = [of_arrays(tmp_path), geneoh.load_mesh(OBJ).verts, loaded(tmp_path)]
+    assert not any(values.is_inference() for values in made)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from geneoh.choices import SIDES
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import MeshInput, meshes_of
+from geneoh.modes import undisturbed
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, is_column, length_of
 from geneoh.readers.npz_files import sequence_in
 from geneoh.readers.npz_layouts import (
@@ -33,6 +34,7 @@ NAMES = (*FIELDS, *CLOCK_NAMES)
 
 
 @checked_call
+@undisturbed()
 def from_arrays(
     *, fps: float | int | None = None, meshes: MeshInput = (), source: str = "arrays", **arrays: Any
 ) -> Sequence:
