@@ -33,7 +33,8 @@ def progress_bars(shown: bool = True) -> Iterator[OnProgress]:
         bar.update(done - bar.n)
 
     try:
-        yield on_progress if shown and sys.stderr.isatty() else lambda *_: None
+        seen = shown and sys.stderr is not None and sys.stderr.isatty()  # None where it is closed
+        yield on_progress if seen else lambda *_: None
     finally:
         if bar is not None:
             bar.close()

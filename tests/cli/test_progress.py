@@ -32,3 +32,9 @@ def test_a_log_gets_no_bars(progress, capsys, monkeypatch):
     with progress.progress_bars() as heard:
         heard("motion", 1, 3)
     assert capsys.readouterr().err == ""
+
+
+def test_nothing_is_shown_where_standard_error_is_closed(progress, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", None)
+    with progress.progress_bars() as heard:
+        heard("motion", 1, 3)

@@ -307,7 +307,7 @@ def test_seams_are_no_openings_and_holes_are(ball):
 
 def test_edges_are_joined_by_the_integers_that_every_scipy_takes(monkeypatch):
     def joined(links, **how):
-        assert links.coords[0].dtype == np.int32  # scipy before 1.12 takes no others
+        assert links.row.dtype == np.int32  # scipy before 1.12 takes no others
         return connected_components(links, **how)
 
     monkeypatch.setattr("geneoh.geometry.mesh.connected_components", joined)
