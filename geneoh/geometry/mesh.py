@@ -57,7 +57,7 @@ class Mesh(Bundle):
     verts: Float[Tensor, "V 3"]
     faces: Int[Tensor, "F 3"]
     source: Path | None = None
-    """File that it was read from, whatever its unit; None for a mesh that was made or changed."""
+    """File that it was read from, absolute; None for a mesh that was made or changed."""
     parts: tuple["Mesh", ...] = ()
     """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
 
@@ -162,7 +162,7 @@ def plain_obj(path: Path) -> Mesh | None:
     every = np.array_equal(np.unique(faces), np.arange(len(verts)))
     if not every or verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
         return None
-    return Mesh(torch.from_numpy(verts), torch.from_numpy(faces), source=path)
+    return Mesh(torch.from_numpy(verts), torch.from_numpy(faces), source=path.absolute())
 
 
 def by_trimesh(path: Path) -> Mesh:
@@ -177,7 +177,7 @@ def by_trimesh(path: Path) -> Mesh:
         kind = None if data is None else path.suffix[1:].lower()  # else that of the path
         scene = trimesh.load_scene(data or path, file_type=kind, process=False)
         joined = from_trimesh(scene.to_mesh())
-        mesh = replace(joined, source=path, parts=scene_parts(scene, path))
+        mesh = replace(joined, source=path.absolute(), parts=scene_parts(scene, path))
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
         reason = shortened(" ".join(str(error).split()), 200)
         raise InputError(
@@ -269,7 +269,7 @@ def scene_parts(scene: "trimesh.Scene", path: Path) -> tuple[Mesh, ...]:
         material = above != scene.graph.base_frame and name[:-6] == f"{above}_"
         nodes.setdefault(str(above) if material else name, []).append(shape)
     joined = [from_trimesh(trimesh.Scene(shapes).to_mesh()) for shapes in nodes.values()]
-    parts = [replace(part, source=path) for part in joined if has_surface(part)]
+    parts = [replace(part, source=path.absolute()) for part in joined if has_surface(part)]
     return tuple(parts) if len(parts) > 1 else ()
 
 

@@ -34,6 +34,14 @@ def test_meshes_are_found_again_without_being_named(kept):
     assert read_archive(kept)["object_files"].tolist() == ["../objects/tool.obj"]
 
 
+def test_meshes_are_found_again_after_the_program_went_to_another_folder(kept, monkeypatch):
+    monkeypatch.chdir(kept.parent)
+    sequence = geneoh.load("a.npz", obj="../objects/tool.obj")
+    monkeypatch.chdir(kept.parents[2])
+    geneoh.save(sequence, "elsewhere.npz")
+    assert len(geneoh.load("elsewhere.npz").object.meshes) == 1
+
+
 @pytest.mark.parametrize(("unit", "scale"), [("mm", 1000), ("cm", 100)])
 def test_a_mesh_in_another_unit_is_found_again_in_metres(tmp_path, unit, scale):
     mesh = trimesh.load_mesh(EXAMPLES / "taco_object.obj", process=False)
