@@ -1,6 +1,7 @@
 """Each source in its published layout gives back the sequence that it was made from."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,6 +82,12 @@ def test_a_twin_in_the_wrong_convention_is_told_apart(case, tmp_path, mano_dir):
 
 def test_every_source_has_a_tree():
     assert {case.source for case in CASES} == set(SOURCES)
+
+
+def test_every_source_is_in_the_table_for_users():
+    page = Path(__file__).parents[2] / "docs/datasets.md"
+    rows = [line.split("|")[1] for line in page.read_text().splitlines() if line.startswith("| `")]
+    assert {name.strip(" `") for row in rows for name in row.split(",")} >= set(SOURCES)
 
 
 @pytest.mark.parametrize("source", SOURCES.values(), ids=lambda source: source.name)
