@@ -1,6 +1,7 @@
 """Triangle meshes in metres: reading, checking, and closing the openings of their surface."""
 
 import hashlib
+import io
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -20,8 +21,9 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
-from geneoh.geometry.mesh_formats import refuse_packed, rewritten
+from geneoh.geometry.mesh_formats import obj_for_trimesh, refuse_packed
 from geneoh.geometry.mirror import mirror_faces, mirror_points
+from geneoh.geometry.polygons import cut_within, obj_polygons
 from geneoh.interrupts import interrupts_wait
 from geneoh.modes import undisturbed
 
@@ -173,16 +175,20 @@ def by_trimesh(path: Path) -> Mesh:
     try:
         if path.suffix.lower() == ".glb":
             refuse_packed(path.read_bytes())
-        data = rewritten(path)
-        kind = None if data is None else path.suffix[1:].lower()  # else that of the path
-        scene = trimesh.load_scene(data or path, file_type=kind, process=False)
-        joined = from_trimesh(scene.to_mesh())
-        mesh = replace(joined, source=path.absolute(), parts=scene_parts(scene, path))
+        data = path.read_bytes() if path.suffix.lower() == ".obj" else b""
+        other = obj_for_trimesh(path, data)
+        given, kind = (path, None) if other is None else (io.BytesIO(other), "obj")
+        scene = trimesh.load_scene(given, file_type=kind, process=False)
+        mesh = without_lids(other or data, scene) or from_trimesh(scene.to_mesh())
+        mesh = replace(mesh, source=path, parts=scene_parts(scene, path))
+    except InputError:
+        raise
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
         reason = shortened(" ".join(str(error).split()), 200)
         raise InputError(
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
-            f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again"
+            f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again, "
+            "with triangles"
         ) from error
     points = sum(len(cloud.vertices) for cloud in scene.geometry.values())
     if points and not len(mesh.faces):
@@ -191,6 +197,23 @@ def by_trimesh(path: Path) -> Mesh:
             "export it with its faces, or make a surface of a point cloud in a mesh editor"
         )
     return mesh
+
+
+def without_lids(obj: bytes, scene: "trimesh.Scene") -> Mesh | None:
+    """The mesh of an OBJ or an ASCII PLY file of which a face has a notch; None for all others."""
+    outlines = obj_polygons(obj) if obj else None
+    for shape in scene.geometry.values():
+        raw = shape.metadata.get("_ply_raw", {}).get("face", {}).get("data")
+        faces = (
+            raw.get("vertex_indices", raw.get("vertex_index")) if isinstance(raw, dict) else None
+        )
+        if faces is not None and faces.dtype == object:  # of several lengths
+            outlines = np.array(shape.vertices), [face.tolist() for face in faces]
+    cut = None if outlines is None else cut_within(*outlines)
+    if outlines is None or cut is None:
+        return None
+    points = torch.from_numpy(outlines[0].astype(np.float32))
+    return Mesh(points, torch.from_numpy(cut))
 
 
 @runtime_checkable

@@ -1,9 +1,16 @@
 """Mesh files that trimesh would read as another mesh, or not at all."""
 
-import io
+import codecs
 import json
 import re
 from pathlib import Path
+
+from geneoh.errors import InputError
+
+ZERO = re.compile(rb"^[ \t]*f[ \t](?:.*[ \t])?0(?=[/\s]|\Z)", re.MULTILINE)
+"""A face of an OBJ file that has a point of number 0."""
+BACKWARD = re.compile(rb"^[ \t]*f\b.*-", re.MULTILINE)
+INDENTED = re.compile(rb"^[ \t]+[vf]", re.MULTILINE)
 
 
 def refuse_packed(data: bytes) -> None:
@@ -18,48 +25,24 @@ def refuse_packed(data: bytes) -> None:
         raise ValueError(f"its points are packed by {', '.join(packed)}, which must be left out")
 
 
-def rewritten(path: Path) -> io.BytesIO | None:
-    """What trimesh is to read instead of an OBJ, PLY, STL or OFF file; None where it is that file.
+def obj_for_trimesh(path: Path, data: bytes) -> bytes | None:
+    """An OBJ file as trimesh reads it, where it would take the one that is there for another mesh.
 
-    trimesh guesses an encoding other than UTF-8 with a package that it does not install.
+    Without the mark that some programs begin UTF-8 with, without indentation, and with faces that
+    count their points from the first: trimesh counts backward from the end of the file, and not
+    from the face. It takes 0 for the last point: that is refused.
     """
-    kind, data = path.suffix.lower(), path.read_bytes()
-    text = data
-    if kind == ".ply":
-        text = data.partition(b"end_header")[0]
-    elif kind == ".stl" and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
-        text = b""  # a binary file
-    elif kind not in (".obj", ".stl", ".off"):
+    if ZERO.search(data):
+        raise InputError(
+            f"{path}: faces of an OBJ must count points from 1, got a point 0; add 1 to each"
+        )
+    marked, backward = data.startswith(codecs.BOM_UTF8), BACKWARD.search(data)
+    if not (marked or backward or INDENTED.search(data)):
         return None
-    ascii_text = text if is_utf8(text) else without_foreign_signs(text)
-    counted = absolute_obj(ascii_text) if kind == ".obj" else ascii_text
-    return None if counted is text else io.BytesIO(counted + data[len(text) :])
-
-
-def is_utf8(text: bytes) -> bool:
-    """Whether a text is of that encoding."""
-    try:
-        text.decode()
-    except UnicodeDecodeError:
-        return False
-    return True
-
-
-def without_foreign_signs(text: bytes) -> bytes:
-    """A text with _ for the bytes of signs beyond ASCII; in Shift-JIS and GBK the second byte of a
-    sign may be a backslash, which would join its line to the next one."""
-    return re.sub(rb"[\x80-\xff]\\?", lambda found: b"_" * len(found[0]), text)
-
-
-def absolute_obj(data: bytes) -> bytes:
-    """An OBJ file with numbers of points that count from the first, where some count backward.
-
-    The same object where none does so. trimesh counts from the end of the file, and not from the
-    face.
-    """
-    lines = data.replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
-    if not any(line[:1] == b"f" and b"-" in line for line in lines):
-        return data
+    text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r", b"").replace(b"\\\n", b" ")
+    lines = [line.lstrip() for line in text.split(b"\n")]
+    if not backward:
+        return b"\n".join(lines)
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     for at, line in enumerate(lines):
         kind, *words = line.split() or [b""]

@@ -225,6 +225,49 @@ def test_faces_may_count_their_points_backward(tmp_path):
     assert mesh.source == tmp_path / "a.obj"
 
 
+@pytest.mark.parametrize("first", range(6))
+@pytest.mark.parametrize("suffix", ["obj", "ply"])
+def test_faces_with_a_notch_are_cut_within_their_outline(first, suffix, tmp_path):
+    """As of an angle iron, whose gap had a lid where the first corner was across from it."""
+    outline = [(0, 0), (0.1, 0), (0.1, 0.03), (0.03, 0.03), (0.03, 0.1), (0, 0.1)]
+    points = [(x, y, z) for z in (0, 0.05) for x, y in outline]
+    around = [(first + corner) % 6 for corner in range(6)]
+    faces = [around[::-1], [6 + corner for corner in around]]
+    faces += [[at, (at + 1) % 6, (at + 1) % 6 + 6, at + 6] for at in range(6)]
+    path = tmp_path / f"angle.{suffix}"
+    if suffix == "obj":
+        lines = [f"v {x} {y} {z} 0.5 0.5 0.5" for x, y, z in points]
+        lines += ["f " + " ".join(f"{corner + 1}//1" for corner in face) for face in faces]
+    else:
+        head = "ply\nformat ascii 1.0\nelement vertex 12\n"
+        head += "".join(f"property float {axis}\n" for axis in "xyz")
+        head += "element face 8\nproperty list uchar int vertex_indices\nend_header"
+        lines = [head, *(f"{x} {y} {z}" for x, y, z in points)]
+        lines += [f"{len(face)} {' '.join(map(str, face))}" for face in faces]
+    path.write_text("\n".join(lines) + "\n")
+    mesh = load_mesh(path)
+    assert float(mesh.face_vectors().norm(dim=-1).sum() / 2) == pytest.approx(0.0302)
+    assert volume(mesh) == pytest.approx(0.0051 * 0.05)
+    assert is_watertight(mesh)
+
+
+@pytest.mark.parametrize(
+    "content", [b"\xef\xbb\xbf" + TRIANGLES, TRIANGLES.replace(b"\n", b"\n\t ")]
+)
+def test_an_obj_may_have_a_mark_of_utf8_or_indentation(content, tmp_path):
+    (tmp_path / "other.obj").write_bytes(content)
+    (tmp_path / "plain.obj").write_bytes(TRIANGLES)
+    other, plain = (load_mesh(tmp_path / name) for name in ("other.obj", "plain.obj"))
+    assert torch.equal(other.corners(), plain.corners())
+
+
+@pytest.mark.parametrize("face", ["f 0 1 2", "f 0/1 1/2 2/3", "f 1 2 0"])
+def test_an_obj_whose_faces_count_from_0_is_refused(face, tmp_path):
+    (tmp_path / "zero.obj").write_text(VERTS + face + "\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"got a point 0; add 1 to each$"):
+        load_mesh(tmp_path / "zero.obj")
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
