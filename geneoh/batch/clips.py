@@ -6,6 +6,7 @@ semicolons: `preset=fast; side=left`.
 """
 
 import csv
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from glob import glob, has_magic
@@ -51,13 +52,22 @@ class Clip:
     """Options of `geneoh.read` by name."""
     problem: str = ""
     """Why there is nothing to read, in one sentence."""
+    is_named: bool = False
+    """Whether a manifest says the name, which is then kept."""
 
     def described(self) -> dict[str, Any]:
         """The clip as JSON can hold it; with another description it is other work."""
         plain = asdict(self) | {"path": str(self.path), "meshes": list(map(str, self.meshes))}
         for name in ("settings", "reading"):
             plain[name] = {key: str(value) for key, value in plain[name].items()}
+        del plain["is_named"]
         return plain
+
+    @property
+    def work(self) -> str:
+        """What it is to do, alike for all ways to write the path of its file."""
+        path = self.path.parent.resolve() / self.path.name
+        return repr(replace(self, name="", path=path, is_named=False))
 
 
 def find_clips(
@@ -77,23 +87,31 @@ def find_clips(
         ConfigError: a manifest names an option or a source that does not exist.
     """
     meshes = tuple(mesh.absolute() for mesh in meshes)  # as the journal names them
-    found: list[Clip] = []
+    inputs, found = list(inputs), []
     for path in (path for given in inputs for path in expanded(given)):
         if source is None and is_manifest(path):
             found += clips_of_manifest(path, folder)
         else:
             found += clips_of(path, source, folder)
-    once: dict[str, Clip] = {}
+    if not found:
+        raise InputError(f"{', '.join(map(str, inputs))}: lists no clip; add lines to the manifest")
+    told = {clip.work for clip in found if clip.is_named}
+    once: dict[tuple[str, str], Clip] = {}
     for clip in found:
-        once.setdefault(repr(replace(clip, name="")), clip)
-    named = with_distinct_names([SourceClip(clip.name, clip.path) for clip in once.values()])
+        if clip.is_named or clip.work not in told:
+            once.setdefault((clip.name * clip.is_named, clip.work), clip)
+    kept = Counter(clip.name for clip in once.values() if clip.is_named)
+    if twice := [name for name, count in kept.items() if count > 1]:
+        raise InputError(f"two manifests name a clip '{twice[0]}'; rename one")
+    bare = [SourceClip(each.name, each.path) for each in once.values() if not each.is_named]
+    others = iter(with_distinct_names(bare, kept))
     clips = [
         replace(
             clip,
-            name=new.name,
+            name=clip.name if clip.is_named else next(others).name,
             meshes=clip.meshes or meshes or (() if clip.source else mesh_beside(clip.path)),
         )
-        for clip, new in zip(once.values(), named, strict=True)
+        for clip in once.values()
     ]
     check_places(clips, folder)
     return clips
@@ -145,7 +163,10 @@ def is_manifest(path: Path) -> bool:
 
 def names_in(rows: Iterator[list[str]]) -> list[str]:
     """The names of the columns, which the first row of a table holds."""
-    return [name.strip().strip('"') for name in next(rows, [])]
+    names = [name.strip().strip('"').lower() for name in next(rows, [])]
+    while names and not names[-1]:  # columns that Excel saved though they are empty
+        names.pop()
+    return names
 
 
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
@@ -158,6 +179,10 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
         if unknown := [name for name in names if name not in COLUMNS]:
             hint = closest_name(unknown[0], COLUMNS)
             raise InputError(f"{path}: '{unknown[0]}' is no column of a manifest; {hint}")
+        if len(set(names)) < len(names):
+            raise InputError(
+                f"{path}: a manifest has each column once, got {', '.join(names)}; leave one out"
+            )
         if "input" not in names:
             raise InputError(
                 f"{path}: a manifest needs the column 'input', got {', '.join(names)}; add it"
@@ -165,6 +190,7 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
         lines: dict[str, int] = {}  # of the names that are given
         for row in filter(any, rows):
             where = f"{path}, line {rows.line_num}"
+            row = row[: len(names)] if not any(row[len(names) :]) else row
             if len(row) != len(names) or not (cells := dict(zip(names, row, strict=True)))["input"]:
                 raise InputError(
                     f"{where}: expected {len(names)} values ({', '.join(names)}), of which 'input' "
@@ -183,6 +209,9 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
 def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) -> Iterator[Clip]:
     """The clip, or the clips of a source, that one row of a manifest names."""
     path, name = base / cells["input"].strip(), cells.get("name", "").strip()
+    name = name.removesuffix(".npz")
+    if name and (name.endswith("/") or not Path(name).name or "\0" in name):
+        raise InputError(f"{where}: 'name' must be one for a file, got {name!r}; choose another")
     source = cells.get("source", "").strip() or None
     meshes = tuple(base / each for each in listed(cells.get("meshes", "")))
     settings, reading = options_of(cells.get("options", ""), where, base)
@@ -201,7 +230,7 @@ def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) ->
         raise InputError(f"{where}: 'name' is for one clip, got {len(clips)}; leave it empty")
     for clip in clips:
         asked = replace(clip, meshes=meshes, settings=settings, reading=reading)
-        yield replace(asked, name=name) if name else asked
+        yield replace(asked, name=name, is_named=True) if name else asked
 
 
 def listed(text: str) -> list[str]:
@@ -213,6 +242,11 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
     """The options in a cell: those of cleaning, and those of reading."""
     settings, reading = {}, {}
     for part in listed(text):
+        if "=" not in part:
+            raise ConfigError(
+                f"{where}: expected NAME=VALUE in 'options', separated by semicolons, got "
+                f"{part!r}; correct the line"
+            )
         ((name, value),) = parse_setting(part).items()
         if name not in (*SETTINGS, *READING):
             hint = closest_name(name, (*SETTINGS, *READING))

@@ -1,6 +1,7 @@
 """Find the clips of a source and read their recordings, with the caller's choices kept."""
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -112,11 +113,12 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
     return with_distinct_names(list(found.values()))
 
 
-def with_distinct_names(clips: list[SourceClip]) -> list[SourceClip]:
+def with_distinct_names(clips: list[SourceClip], taken: Iterable[str] = ()) -> list[SourceClip]:
     """Clips of one name with their ending, where a folder has files that differ in nothing else,
-    and with as much of the path in front as makes their names differ."""
+    and with as much of the path in front as makes their names differ, also from those `taken`."""
+    taken = list(taken)
     longest = max((len(clip.path.resolve().parts) for clip in clips), default=0)
-    count = Counter(clip.name for clip in clips)
+    count = Counter([*taken, *(clip.name for clip in clips)])
     alike = Counter(clip_name(clip.path, longest) for clip in clips if count[clip.name] > 1)
 
     def longer(clip: SourceClip, parts: int) -> str:
@@ -125,10 +127,10 @@ def with_distinct_names(clips: list[SourceClip]) -> list[SourceClip]:
 
     names = [clip.name for clip in clips]
     for parts in range(1, longest + 1):
-        count = Counter(names)
+        count = Counter([*taken, *names])
         named = zip(clips, names, strict=True)
         names = [longer(clip, parts) if count[name] > 1 else name for clip, name in named]
-    count = Counter(names)
+    count = Counter([*taken, *names])
     for clip, name in zip(clips, names, strict=True):
         if count[name] > 1:
             raise InputError(f"{clip.path}: two clips are both called {clip.name}; rename one")

@@ -97,6 +97,19 @@ def test_a_manifest_says_of_each_clip_what_differs(found, tmp_path):
     assert all(json.loads(json.dumps(c.described())) == c.described() for c in (first, again))
 
 
+def test_names_in_a_manifest_are_kept(found, tmp_path):
+    """One of two for the same work was lost in silence, and one that is a file's was changed."""
+    rows = ("input,name", "in/clip0.npz,one", "in/clip0.npz,two", "in/clip0.npz,clip1.npz")
+    clips = found(manifest(tmp_path, *rows, "in/clip1.npz,", "in/clip0.npz,"), "in/more/clip0.npz")
+    assert list(clips) == ["one", "two", "clip1", "in/clip1", "clip0"]
+    assert clips["clip0"].path.parent.name == "more"
+
+
+def test_a_file_is_one_clip_however_its_path_is_written(found, tmp_path):
+    rows = ("input", "in/clip0.npz", "in/more/../clip0.npz", str(tmp_path / "in/clip0.npz"))
+    assert list(found(manifest(tmp_path, *rows), "in/../in")) == ["clip0", "clip1", "more/clip0"]
+
+
 @pytest.mark.parametrize(
     ("said", "camera"), [("ORIGIN", (0, 0, 0)), ("-0.5,1,2e-1", (-0.5, 1, 0.2))]
 )
@@ -105,7 +118,9 @@ def test_a_manifest_names_a_camera_as_the_command_line_does(found, tmp_path, sai
     assert clip.reading == {"camera": camera}
 
 
-@pytest.mark.parametrize("heading", ["name,input", '"name","input"', '\ufeff"name", input'])
+@pytest.mark.parametrize(
+    "heading", ["name,input", '"name","input"', '\ufeff"name", input', "Name,INPUT,,"]
+)
 def test_the_columns_of_a_manifest_may_be_quoted_and_in_any_order(found, tmp_path, heading):
     assert list(found(manifest(tmp_path, heading, "first,in/clip0.npz"))) == ["first"]
 
@@ -126,7 +141,10 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
             ("input,options", "in/clip0.npz,presett=fast"),
             "line 2: 'presett' is no option.*'preset'",
         ),
-        (("input,options", "in/clip0.npz,seed"), "expected NAME=VALUE"),
+        (("input,options", "in/clip0.npz,seed"), "line 2: expected NAME=VALUE.* got 'seed'"),
+        (("input,name", "in/clip0.npz,x/"), "line 2: 'name' must be one for a file, got 'x/'"),
+        (("input,input", "in/clip0.npz,in/clip1.npz"), "each column once"),
+        (("input,name",), "lists no clip"),
         (("input,name", "in/clip0.npz"), r"line 2: expected 2 values .* got 1"),
         (("input,source", "in/clip0.npz,grob"), "source grob: expected one of"),
         (("input,name", "in/clip0.npz,../../x"), "expected a name within"),
