@@ -141,6 +141,7 @@ def timing_of(
 
     By the fields of the file and the caller's rate; see `rate_of`.
     """
+    record = replace(record, values=dict(record.values) | dates_in(record))
     stored = record.optional_number("fps", "save it as fps=30.0")
     said = given if stored is None else stored
     clock = clock_of(record, frames, said)
@@ -151,6 +152,16 @@ def timing_of(
     if clock is not None:
         rate = rate / clock.stride if clock.fps is None else clock.fps
     return rate, clock, (*about, *notes)
+
+
+def dates_in(record: Record) -> dict[str, Array]:
+    """Times that are dates or durations of numpy, as numbers from the first one on."""
+    found = {}
+    for name, unit in TIME_NAMES.items():
+        value = record.values.get(name)
+        if isinstance(value, Array) and value.dtype.kind in "mM" and value.size:
+            found[name] = (value - value.flat[0]) / np.timedelta64(1, "s") / (unit or 1.0)
+    return found
 
 
 def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:

@@ -40,6 +40,8 @@ SIDE_COLUMNS = ("side", "hand", "handedness", "label")
 POINT_COLUMNS = ("landmark", "landmark_id", "landmark_index", "landmark_name", "joint", "keypoint")
 POINT_AND_AXIS = re.compile(r"(?:landmark|joint|keypoint)?[_ .]?(\w+?)[_ .]?([xyz])")
 AXIS_AND_POINT = re.compile(r"([xyz])[_ .]?(\d+)")
+UNREAD = re.compile(r"[^#]*\d[^#]*")
+"""A cell that holds a number if any; older programs of Windows write NaN as `1.#QNAN`."""
 
 Row = dict[str | None, Any]
 """A row of a table by the names of its columns."""
@@ -187,4 +189,11 @@ def cells_of(
                     f"number, and a landmark from 0 to 20 or by name, got {frame:g} and "
                     f"{named!r:.40}; correct it"
                 )
-            yield told_side or side, int(frame), point, axis, number_in(row[name] or "")
+            number = number_in(cell := row[name] or "")
+            if number != number and UNREAD.fullmatch(cell):
+                raise InputError(
+                    f"{path}: line {line + 2}: '{name}' must be a number, without separators of "
+                    "thousands and with a decimal point where commas separate cells, got "
+                    f"{cell!r:.40}; correct the table"
+                )
+            yield told_side or side, int(frame), point, axis, number

@@ -53,6 +53,8 @@ def clock(**field) -> Clock:
         ("time", 1e6 + 1000 * KEPT / 25, None),
         ("timestamps_us", 1e6 * KEPT / 25, None),
         ("timestamp", 10**18 + 40_000_000 * KEPT, 25.0),
+        ("timestamps", np.datetime64("2026-01-01", "ns") + 40_000_000 * KEPT, None),
+        ("time_ms", (40_000_000 * KEPT).astype("m8[ns]"), None),
     ],
 )
 def test_frames_that_are_left_out_count_as_not_observed(name, values, fps, tmp_path):

@@ -323,6 +323,25 @@ def test_a_frame_or_a_landmark_that_a_table_lacks_is_not_observed(read_table):
     assert hand.valid.tolist() == [True, True, False, False, True]
 
 
+@pytest.mark.parametrize("cell", ["1,052.3", "0,1052", "1 052.3", "x0"])
+def test_a_cell_of_another_way_to_write_numbers_is_refused(cell, read_table):
+    """Its frame counted as one without a hand, and nothing said so."""
+    header, rows = TABLES["x0"]
+    rows = [list(row) for row in rows]
+    rows[1][header.index("z3")] = cell
+    with pytest.raises(InputError, match=f"line 3: 'z3' must be a number.*got '{cell}'"):
+        read_table(header, rows, side="right")
+
+
+@pytest.mark.parametrize("cell", ["", "N/A", "#DIV/0!", "-1.#IND", "null"])
+def test_a_cell_without_a_number_is_not_observed(cell, read_table):
+    header, rows = TABLES["x0"]
+    rows = [list(row) for row in rows]
+    rows[1][header.index("z3")] = cell
+    (hand,) = read_table(header, rows, side="right").hands
+    assert (~hand.joints.isfinite()).any(-1).any(-1).tolist()[1]
+
+
 def test_the_unit_of_a_table_can_be_said(read_table):
     header, rows = TABLES["x0"]
     in_mm = [[row[0], *(1000 * number for number in row[1:])] for row in rows]
