@@ -44,7 +44,7 @@ class HandResult(Bundle):
     """Measures of the result, at 30 frames a second."""
     moved: float
     """Mean distance in metres between the keypoints of the input and of the result, over the
-    observed frames."""
+    observed frames, at 30 frames a second."""
     windows: int
     """Number of overlapping windows that the track was cut into."""
     seconds: dict[str, float] = field(compare=False)
