@@ -21,7 +21,7 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
-from geneoh.geometry.mesh_formats import obj_for_trimesh, refuse_packed
+from geneoh.geometry.mesh_formats import obj_for_trimesh, refuse_cut_off, refuse_packed
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 from geneoh.geometry.polygons import cut_within, obj_polygons
 from geneoh.interrupts import interrupts_wait
@@ -179,6 +179,7 @@ def by_trimesh(path: Path) -> Mesh:
         other = obj_for_trimesh(path, data)
         given, kind = (path, None) if other is None else (io.BytesIO(other), "obj")
         scene = trimesh.load_scene(given, file_type=kind, process=False)
+        refuse_cut_off(path, scene)
         mesh = without_lids(other or data, scene) or from_trimesh(scene.to_mesh())
         mesh = replace(mesh, source=path, parts=scene_parts(scene, path))
     except InputError:

@@ -1,11 +1,15 @@
-"""Mesh files that trimesh would read as another mesh, or not at all."""
+"""Files that trimesh would read as another mesh."""
 
 import codecs
 import json
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from geneoh.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
 
 ZERO = re.compile(rb"^[ \t]*f[ \t](?:.*[ \t])?0(?=[/\s]|\Z)", re.MULTILINE)
 """A face of an OBJ file that has a point of number 0."""
@@ -53,6 +57,30 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes | None:
             each = (b"/".join(map(from_first, *corner)) for corner in corners)
             lines[at] = b"f " + b" ".join(each)
     return b"\n".join(lines)
+
+
+def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:
+    """Raise for a PLY or OFF file of text that has fewer lines than it says, where its copy broke
+    off: trimesh reads what is there. A binary one has another length than trimesh takes."""
+    for shape in scene.geometry.values():
+        elements = shape.metadata.get("_ply_raw", {})
+        for name in {"vertex", "face"} & elements.keys():
+            data = elements[name].get("data")
+            if isinstance(data, dict):  # of a text
+                refuse_fewer(path, len(next(iter(data.values()))), elements[name]["length"], name)
+    if path.suffix.lower() == ".off":
+        text = re.sub(rb"#.*", b"", path.read_bytes()).partition(b"OFF")[2]
+        counts, *lines = [line.split() for line in text.splitlines() if line.strip()]
+        refuse_fewer(path, len(lines), sum(map(int, counts[:2])), "line")
+
+
+def refuse_fewer(path: Path, found: int, said: int, name: str) -> None:
+    """`InputError` where a file holds fewer of some elements than it says."""
+    if found < said:
+        raise InputError(
+            f"{path}: the file breaks off, it says {said} as its number of '{name}', got {found}; "
+            "copy or export it again"
+        )
 
 
 def from_first(index: bytes, count: int) -> bytes:

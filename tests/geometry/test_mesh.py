@@ -261,6 +261,19 @@ def test_an_obj_may_have_a_mark_of_utf8_or_indentation(content, tmp_path):
     assert torch.equal(other.corners(), plain.corners())
 
 
+@pytest.mark.parametrize(("suffix", "encoding"), [("off", {}), ("ply", {"encoding": "ascii"})])
+@pytest.mark.parametrize("lines", [1, 150])
+def test_a_text_of_fewer_faces_than_it_says_is_refused(ball, suffix, encoding, lines, tmp_path):
+    """As of a copy that broke off: a part of the object was missing, and nothing said so."""
+    path = tmp_path / f"ball.{suffix}"
+    ball.export(path, **encoding)
+    load_mesh(path)
+    kept = path.read_text().splitlines()[:-lines]
+    path.write_text("\n".join(kept))
+    with pytest.raises(InputError, match=r"the file breaks off, .* copy or export it again"):
+        load_mesh(path)
+
+
 @pytest.mark.parametrize("face", ["f 0 1 2", "f 0/1 1/2 2/3", "f 1 2 0"])
 def test_an_obj_whose_faces_count_from_0_is_refused(face, tmp_path):
     (tmp_path / "zero.obj").write_text(VERTS + face + "\nf 1 2 3\n")
