@@ -63,12 +63,6 @@ class Clip:
         del plain["is_named"]
         return plain
 
-    @property
-    def work(self) -> str:
-        """What it is to do, alike for all ways to write the path of its file."""
-        path = self.path.parent.resolve() / self.path.name
-        return repr(replace(self, name="", path=path, is_named=False))
-
 
 def find_clips(
     inputs: Iterable[Path], source: str | None, folder: Path, meshes: tuple[Path, ...] = ()
@@ -95,11 +89,12 @@ def find_clips(
             found += clips_of(path, source, folder)
     if not found:
         raise InputError(f"{', '.join(map(str, inputs))}: lists no clip; add lines to the manifest")
-    told = {clip.work for clip in found if clip.is_named}
+    works = works_of(found)
+    told = {work for clip, work in zip(found, works, strict=True) if clip.is_named}
     once: dict[tuple[str, str], Clip] = {}
-    for clip in found:
-        if clip.is_named or clip.work not in told:
-            once.setdefault((clip.name * clip.is_named, clip.work), clip)
+    for clip, work in zip(found, works, strict=True):
+        if clip.is_named or work not in told:
+            once.setdefault((clip.name * clip.is_named, work), clip)
     kept = Counter(clip.name for clip in once.values() if clip.is_named)
     if twice := [name for name, count in kept.items() if count > 1]:
         raise InputError(f"two manifests name a clip '{twice[0]}'; rename one")
@@ -115,6 +110,16 @@ def find_clips(
     ]
     check_places(clips, folder)
     return clips
+
+
+def works_of(clips: list[Clip]) -> list[str]:
+    """What each clip is to do, alike for all ways to write the path of its file."""
+    folders = {folder: folder.resolve() for folder in {clip.path.parent for clip in clips}}
+    paths = [folders[clip.path.parent] / clip.path.name for clip in clips]
+    return [
+        repr(replace(clip, name="", path=path, is_named=False))
+        for clip, path in zip(clips, paths, strict=True)
+    ]
 
 
 def expanded(path: Path) -> list[Path]:
