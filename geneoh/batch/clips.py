@@ -6,6 +6,7 @@ semicolons: `preset=fast; side=left`.
 """
 
 import csv
+import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -16,7 +17,8 @@ from typing import Any
 
 from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError, InputError, numbered
+from geneoh.files.journal import CLEANED, is_journal
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text, separator_of
 from geneoh.pipeline.options import Options
@@ -25,6 +27,8 @@ from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.recordings import find_clips as find_source_clips
 from geneoh.readers.recordings import source_named, with_distinct_names
 from geneoh.readers.records import place_in
+
+LOG = logging.getLogger(__name__)
 
 COLUMNS = ("input", "name", "meshes", "source", "options")
 MANIFEST_LIMIT = 2**26
@@ -139,11 +143,15 @@ def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
         return [Clip(clip.name, clip.path, source) for clip in clips]
     if path.is_dir():
         below = [each for each in sorted(path.rglob("*.npz")) if each.is_file()]
-        found = [each for each in below if not lies_within(each, folder)]
+        runs = {each.parent for each in path.rglob(CLEANED) if is_journal(each)} - {path}
+        others = [each for each in below if not lies_within(each, folder)]
+        found = [each for each in others if runs.isdisjoint(each.parents)]
+        if earlier := len(others) - len(found):
+            LOG.warning("%s: %s of earlier runs left out", path, numbered(earlier, "result"))
         if below and not found:
             raise InputError(
-                f"{path}: expected npz files outside of the folder for results, got {len(below)} "
-                "within it; choose another --out"
+                f"{path}: expected npz files outside of folders for results, got {len(below)} "
+                "within them; choose another --out, or name a folder of results itself"
             )
         if not found:
             raise InputError(

@@ -59,8 +59,18 @@ def test_inputs_above_the_folder_for_results_are_found_from_within_it(found, tmp
 
 
 def test_a_folder_that_is_also_for_the_results_is_refused_as_such(found, tmp_path):
-    with pytest.raises(InputError, match="outside of the folder for results, got 3 within it"):
+    with pytest.raises(InputError, match="outside of folders for results, got 3 within them"):
         find_clips([tmp_path / "in"], None, tmp_path / "in")
+
+
+def test_results_of_an_earlier_run_in_another_folder_are_no_inputs(found, tmp_path, caplog):
+    """They were cleaned once more, beside what they were made of."""
+    fake_cleaning.write_clips(tmp_path / "in/clean/more", 2)
+    (tmp_path / "in/clean/journal.jsonl").write_text('{"options": {}, "weights": {}}\n')
+    assert list(found("in")) == ["clip0", "clip1", "more/clip0"]
+    assert "in: 2 results of earlier runs left out" in caplog.text
+    assert list(found("in/clean")) == ["more/clip0", "more/clip1"]
+    assert list(found("in/clean/more/*.npz")) == ["clip0", "clip1"]
 
 
 def test_the_mesh_of_a_clip_is_the_one_asked_for_else_the_one_beside_it(found, tmp_path):
