@@ -201,7 +201,7 @@ def by_trimesh(path: Path) -> Mesh:
 
 
 def without_lids(obj: bytes, scene: "trimesh.Scene") -> Mesh | None:
-    """The mesh of an OBJ or an ASCII PLY file of which a face has a notch; None for all others."""
+    """The mesh of an OBJ or ASCII PLY file of which trimesh cuts a face outside of its outline."""
     outlines = obj_polygons(obj) if obj else None
     for shape in scene.geometry.values():
         raw = shape.metadata.get("_ply_raw", {}).get("face", {}).get("data")

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Int
 
 Polygons = list[list[int]]
 """The corners of each face."""
-NOTCH = 1e-6
-"""Share of a face's area by which it turns back at a corner that counts as a notch."""
+OUTSIDE = 1e-3
+"""Share of a face's area that counts as cut outside of its outline; coordinates are rounded."""
 
 
 def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
@@ -26,30 +26,37 @@ def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | Non
 def cut_within(
     points: Float[np.ndarray, "V 3"], polygons: Polygons
 ) -> Int[np.ndarray, "F 3"] | None:
-    """The triangles of faces, each within its face; None where no face has a notch."""
-    notched = have_notches(points, polygons)
-    if not notched.any():
+    """The triangles of faces, each within its face; None where trimesh cuts all of them so."""
+    outside = are_cut_outside(points, polygons)
+    if not outside.any():
         return None
     found: Polygons = []
-    for face, notch in zip(polygons, notched.tolist(), strict=True):
-        corners = ears(points[face]) if notch else [[0, k - 1, k] for k in range(2, len(face))]
+    for face, leaves in zip(polygons, outside.tolist(), strict=True):
+        corners = ears(points[face]) if leaves else [[0, k - 1, k] for k in range(2, len(face))]
         found += [[face[corner] for corner in each] for each in corners]
     return np.array(found)
 
 
-def have_notches(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Bool[np.ndarray, " F"]:
-    """Whether the outline of each face turns back at some corner."""
+def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Bool[np.ndarray, " F"]:
+    """Whether lines from the first corner of each face leave its outline, and cut off triangles
+    that look the other way."""
     found, sizes = np.zeros(len(polygons), dtype=bool), np.array(list(map(len, polygons)))
     for size in np.unique(sizes[sizes > 3]):
         which = np.flatnonzero(sizes == size)
         outlines = points[np.array([polygons[index] for index in which])]
-        found[which] = (turns_of(outlines) < -NOTCH).any(-1)
+        spokes = outlines[:, 1:] - outlines[:, :1]
+        triangles = np.cross(spokes[:, :-1], spokes[:, 1:])
+        normal = triangles.sum(1, keepdims=True)
+        shares = (triangles * normal).sum(-1) / (normal**2).sum(-1).clip(1e-30)
+        found[which] = (-shares).clip(min=0).sum(-1) > OUTSIDE
     return found
 
 
 def turns_of(outlines: Float[np.ndarray, "*B N 3"]) -> Float[np.ndarray, "*B N"]:
-    """Twice the area of the triangle at each corner of a face, as a share of four times the face's;
-    negative where it lies outside."""
+    """The area of the triangle at each corner of a face, as a share of the face's.
+
+    Negative where the triangle lies outside.
+    """
     spokes, sides = outlines - outlines[..., :1, :], np.roll(outlines, -1, -2) - outlines
     normal = np.cross(spokes, np.roll(spokes, -1, -2)).sum(-2, keepdims=True)
     at_corners = (np.cross(np.roll(sides, 1, -2), sides) * normal).sum(-1)

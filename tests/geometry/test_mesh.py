@@ -251,6 +251,15 @@ def test_faces_with_a_notch_are_cut_within_their_outline(first, suffix, tmp_path
     assert is_watertight(mesh)
 
 
+@pytest.mark.parametrize("bend", [0, 1e-6, 0.02])
+def test_faces_without_a_notch_are_cut_as_ever(bend, tmp_path):
+    """Also where a corner lies on a side but for rounding, and where a face is bent."""
+    corners = f"v 0 0 0\nv 0.1 0 {bend}\nv 0.1 0.1 0\nv 0.0500001 0.049999 0\nv 0 0.1 {-bend}\n"
+    (tmp_path / "flat.obj").write_text(corners + "f 1 2 3 4\nf 1 4 3 5\n")
+    mesh = load_mesh(tmp_path / "flat.obj")
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 3, 2], [2, 3, 0], [2, 4, 0]]
+
+
 @pytest.mark.parametrize(
     "content", [b"\xef\xbb\xbf" + TRIANGLES, TRIANGLES.replace(b"\n", b"\n\t ")]
 )
