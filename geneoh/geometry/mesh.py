@@ -209,7 +209,8 @@ def without_lids(obj: bytes, scene: "trimesh.Scene") -> Mesh | None:
             raw.get("vertex_indices", raw.get("vertex_index")) if isinstance(raw, dict) else None
         )
         if faces is not None and faces.dtype == object:  # of several lengths
-            outlines = np.array(shape.vertices), [face.tolist() for face in faces]
+            polygons = np.concatenate(faces), np.array(list(map(len, faces)))
+            outlines = np.array(shape.vertices), polygons
     cut = None if outlines is None else cut_within(*outlines)
     if outlines is None or cut is None:
         return None

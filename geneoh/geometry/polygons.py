@@ -4,23 +4,30 @@ trimesh cuts them by lines from their first corner, which lie outside of a face 
 the gap of a wrench gets a lid.
 """
 
+import re
+from itertools import chain
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-Polygons = list[list[int]]
-"""The corners of each face."""
+Polygons = tuple[Int[np.ndarray, " C"], Int[np.ndarray, " P"]]
+"""The corners of all faces, one face after the other, and how many each has."""
 OUTSIDE = 1e-3
 """Share of a face's area that counts as cut outside of its outline; coordinates are rounded."""
 
 
 def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
     """Points and faces of an OBJ file; None where all faces are triangles."""
-    words = [line.split() for line in data.replace(b"\\\n", b" ").split(b"\n")]
-    faces = [each[1:] for each in words if each[:1] == [b"f"]]
+    lines = data.replace(b"\\\n", b" ").split(b"\n")
+    faces = [line[2:].split() for line in lines if line[:2] in (b"f ", b"f\t")]
     if all(len(face) <= 3 for face in faces):
         return None
-    points = np.array([each[1:4] for each in words if each[:1] == [b"v"]]).astype(np.float64)
-    return points, [[int(corner.split(b"/")[0]) - 1 for corner in face] for face in faces]
+    corners = b" ".join(chain.from_iterable(faces))
+    corners = re.sub(rb"/\S*", b"", corners) if b"/" in corners else corners
+    points = [line[2:].split()[:3] for line in lines if line[:2] in (b"v ", b"v\t")]
+    places = np.fromstring(b" ".join(chain.from_iterable(points)), sep=" ").reshape(-1, 3)
+    indices = np.fromstring(corners, dtype=np.int64, sep=" ") - 1
+    return places, (indices, np.array(list(map(len, faces))))
 
 
 def cut_within(
@@ -30,20 +37,22 @@ def cut_within(
     outside = are_cut_outside(points, polygons)
     if not outside.any():
         return None
-    found: Polygons = []
-    for face, leaves in zip(polygons, outside.tolist(), strict=True):
-        corners = ears(points[face]) if leaves else [[0, k - 1, k] for k in range(2, len(face))]
-        found += [[face[corner] for corner in each] for each in corners]
-    return np.array(found)
+    corners, sizes = polygons
+    found: list[Int[np.ndarray, "M 3"]] = []
+    for face, leaves in zip(np.split(corners, sizes.cumsum()[:-1]), outside, strict=True):
+        fan = [[0, last - 1, last] for last in range(2, len(face))]
+        found.append(face[np.array(ears(points[face]) if leaves else fan).reshape(-1, 3)])
+    return np.concatenate(found)
 
 
-def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Bool[np.ndarray, " F"]:
+def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Bool[np.ndarray, " P"]:
     """Whether lines from the first corner of each face leave its outline, and cut off triangles
     that look the other way."""
-    found, sizes = np.zeros(len(polygons), dtype=bool), np.array(list(map(len, polygons)))
+    corners, sizes = polygons
+    found, starts = np.zeros(len(sizes), dtype=bool), sizes.cumsum() - sizes
     for size in np.unique(sizes[sizes > 3]):
         which = np.flatnonzero(sizes == size)
-        outlines = points[np.array([polygons[index] for index in which])]
+        outlines = points[corners[starts[which, None] + np.arange(size)]]
         spokes = outlines[:, 1:] - outlines[:, :1]
         triangles = np.cross(spokes[:, :-1], spokes[:, 1:])
         normal = triangles.sum(1, keepdims=True)
@@ -63,7 +72,7 @@ def turns_of(outlines: Float[np.ndarray, "*B N 3"]) -> Float[np.ndarray, "*B N"]
     return at_corners / (normal**2).sum(-1).clip(1e-30)
 
 
-def ears(outline: Float[np.ndarray, "N 3"]) -> Polygons:
+def ears(outline: Float[np.ndarray, "N 3"]) -> list[list[int]]:
     """The triangles of a face by its corners: one after the other is cut off within the outline."""
     left, found = list(range(len(outline))), []
     while len(left) > 3:
