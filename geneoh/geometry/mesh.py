@@ -21,7 +21,7 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
-from geneoh.geometry.mesh_formats import obj_for_trimesh, refuse_cut_off, refuse_packed
+from geneoh.geometry.mesh_formats import refuse_cut_off, refuse_packed, rewritten
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 from geneoh.geometry.polygons import cut_within, obj_polygons
 from geneoh.interrupts import interrupts_wait
@@ -175,13 +175,13 @@ def by_trimesh(path: Path) -> Mesh:
     try:
         if path.suffix.lower() == ".glb":
             refuse_packed(path.read_bytes())
-        data = path.read_bytes() if path.suffix.lower() == ".obj" else b""
-        other = obj_for_trimesh(path, data)
-        given, kind = (path, None) if other is None else (io.BytesIO(other), "obj")
+        data = rewritten(path)
+        given, kind = (path, None) if data is None else (io.BytesIO(data), path.suffix[1:].lower())
         scene = trimesh.load_scene(given, file_type=kind, process=False)
         refuse_cut_off(path, scene)
-        mesh = without_lids(other or data, scene) or from_trimesh(scene.to_mesh())
-        mesh = replace(mesh, source=path, parts=scene_parts(scene, path))
+        obj = b"" if path.suffix.lower() != ".obj" else data or path.read_bytes()
+        mesh = without_lids(obj, scene) or from_trimesh(scene.to_mesh())
+        mesh = replace(mesh, source=path.absolute(), parts=scene_parts(scene, path))
     except InputError:
         raise
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise

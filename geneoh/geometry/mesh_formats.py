@@ -1,4 +1,4 @@
-"""Files that trimesh would read as another mesh."""
+"""Mesh files that trimesh would read as another mesh, or not at all."""
 
 import codecs
 import json
@@ -29,8 +29,41 @@ def refuse_packed(data: bytes) -> None:
         raise ValueError(f"its points are packed by {', '.join(packed)}, which must be left out")
 
 
-def obj_for_trimesh(path: Path, data: bytes) -> bytes | None:
-    """An OBJ file as trimesh reads it, where it would take the one that is there for another mesh.
+def rewritten(path: Path) -> bytes | None:
+    """What trimesh is to read instead of an OBJ, PLY, STL or OFF file; None where it is that file.
+
+    trimesh guesses an encoding other than UTF-8 with a package that it does not install.
+    """
+    kind, data = path.suffix.lower(), path.read_bytes()
+    text = data
+    if kind == ".ply":
+        text = data.partition(b"end_header")[0]
+    elif kind == ".stl" and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        text = b""  # a binary file
+    elif kind not in (".obj", ".stl", ".off"):
+        return None
+    plain = text if is_utf8(text) else without_foreign_signs(text)
+    plain = obj_for_trimesh(path, plain) if kind == ".obj" else plain
+    return None if plain is text else plain + data[len(text) :]
+
+
+def is_utf8(text: bytes) -> bool:
+    """Whether a text is of that encoding."""
+    try:
+        text.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def without_foreign_signs(text: bytes) -> bytes:
+    """A text with _ for the bytes of signs beyond ASCII; in Shift-JIS and GBK the second byte of a
+    sign may be a backslash, which would join its line to the next one."""
+    return re.sub(rb"[\x80-\xff]\\?", lambda found: b"_" * len(found[0]), text)
+
+
+def obj_for_trimesh(path: Path, data: bytes) -> bytes:
+    """An OBJ file as trimesh reads it, where it would take this one for another mesh.
 
     Without the mark that some programs begin UTF-8 with, without indentation, and with faces that
     count their points from the first: trimesh counts backward from the end of the file, and not
@@ -42,7 +75,7 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes | None:
         )
     marked, backward = data.startswith(codecs.BOM_UTF8), BACKWARD.search(data)
     if not (marked or backward or INDENTED.search(data)):
-        return None
+        return data
     text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r", b"").replace(b"\\\n", b" ")
     lines = [line.lstrip() for line in text.split(b"\n")]
     if not backward:
