@@ -21,7 +21,7 @@ from geneoh.errors import InputError
 FRAMES = "T"
 """Name of the frame axis in the annotations."""
 
-Index = slice | Tensor | np.ndarray
+Index = slice | Tensor | np.ndarray | list
 """Entries along one axis: a slice, a mask or indices; the axis stays."""
 
 Axes = tuple[str, ...]
@@ -78,6 +78,8 @@ class Bundle:
                 "indices may run backward, such as torch.arange(n - 1, -1, -1) of n entries"
             )
 
+        if not isinstance(index, slice | Tensor):
+            index = torch.from_numpy(np.array(index))
         # numpy takes a tensor of one entry for a number, which would remove the axis
         of_array = index.cpu().numpy() if isinstance(index, Tensor) else index
 

@@ -47,7 +47,8 @@ def test_frames_are_cut_in_every_field_that_has_frames(outer):
 
 def test_a_mask_and_indices_choose_frames_too(outer):
     mask = torch.tensor([True, False, False, True, False, True])
-    for index in (mask, torch.tensor([0, 3, 5]), np.array([0, 3, 5])):
+    backward = np.array([5, 3, 0])[::-1]
+    for index in (mask, torch.tensor([0, 3, 5]), np.array([0, 3, 5]), [0, 3, 5], backward):
         assert torch.equal(outer[index].inner[0].moving, outer.inner[0].moving[:, [0, 3, 5]])
 
 

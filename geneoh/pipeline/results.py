@@ -1,7 +1,7 @@
 """What cleaning gives, and how it is kept: a clean sequence with what was learned beside it."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, equal_values, repr_by_shapes
+from geneoh.bundle import Bundle, Index, equal_values, repr_by_shapes
 from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
@@ -85,6 +85,10 @@ class Denoised(Bundle):
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
+
+    def __getitem__(self, frames: Index) -> "Denoised":
+        """The chosen frames; every n-th of them come at an n-th of the rate."""
+        return replace(super().__getitem__(frames), sequence=self.sequence[frames])
 
 
 def clean_track(

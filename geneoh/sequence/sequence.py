@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -229,8 +230,7 @@ class Sequence(Bundle):
 
     def __getitem__(self, frames: Index) -> "Sequence":
         """The chosen frames; every n-th of them come at an n-th of the rate."""
-        step = frames.step if isinstance(frames, slice) else None
-        return replace(super().__getitem__(frames), fps=self.fps / (step or 1))
+        return replace(super().__getitem__(frames), fps=self.fps / step_of(frames))
 
     @property
     def frames(self) -> int:
@@ -243,3 +243,12 @@ class Sequence(Bundle):
             if hand.side == side:
                 return hand
         raise InputError(f"{self.source or 'the sequence'} holds no {side} hand")
+
+
+def step_of(frames: Index) -> int:
+    """How many frames the chosen ones are apart, where all are as many; else 1."""
+    if isinstance(frames, slice):
+        return frames.step or 1
+    chosen = np.asarray(frames)
+    steps = np.diff(np.flatnonzero(chosen) if chosen.dtype == bool else chosen)
+    return int(steps[0]) if len(steps) and steps[0] > 0 and (steps == steps[0]).all() else 1

@@ -40,6 +40,10 @@ def whole(noisy) -> Denoised:
     return denoise(noisy)
 
 
+def test_every_second_frame_of_a_result_comes_at_half_the_rate(noisy):
+    assert Denoised(noisy, {}, ())[::2].sequence.fps == 15
+
+
 @pytest.mark.slow
 def test_noisy_recording_gets_nearer_to_the_truth_smoother_and_shallower(whole, noisy, clean):
     truth, before = clean.hands[0].joints, noisy.hands[0].joints

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -99,7 +100,17 @@ def test_tracks_and_meshes_are_equal_where_all_fields_are():
         assert len({value, copy, other}) == 2
 
 
-@pytest.mark.parametrize(("frames", "fps"), [(slice(1, 3), 30), (slice(None, None, 2), 15)])
+@pytest.mark.parametrize(
+    ("frames", "fps"),
+    [
+        (slice(1, 3), 30),
+        (slice(None, None, 2), 15),
+        ([0, 2], 15),
+        (torch.tensor([0, 3]), 10),
+        (np.array([False, True, False, True]), 15),
+        (np.array([2, 1]), 30),
+    ],
+)
 def test_every_second_frame_comes_at_half_the_rate(frames, fps):
     sequence = Sequence((HAND,), ObjectTrack.resting((), T), 30.0)
     assert sequence[frames].fps == fps
