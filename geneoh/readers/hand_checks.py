@@ -5,6 +5,7 @@ A check yields a sentence for each doubt.
 
 from collections.abc import Iterator
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -12,7 +13,9 @@ from torch import Tensor
 from geneoh.choices import OTHER_SIDE, Side
 from geneoh.errors import InputError
 from geneoh.readers.joint_orders import shorter_order
+from geneoh.readers.records import Array
 from geneoh.sequence.sequence import HandTrack
+from geneoh.sequence.validation import lies_flat
 
 MIDDLE_JOINTS = (2, 5, 8, 11)
 """Second joints of the four fingers, which bend one way only."""
@@ -27,6 +30,8 @@ LONGEST_LINK = 0.8
 """Share of the palm's length that no bone of a finger reaches; the longest measured is 0.6."""
 REORDER = "reorder them, or pass --joint-order {order} where they are bare keypoints"
 """What to do about a file whose keypoints are in another order."""
+NO_DEPTH = 1e-4
+"""Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
 CURL_LIMIT = 0.1
 """Share of the palm's length that fingers may bend backward at their tips."""
 
@@ -54,6 +59,17 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
     if hand.joints is None:
         return
     joints = trusted_joints(hand)
+    if of_picture(joints.cpu().numpy()):
+        yield (
+            "place: the depth of its wrist is 0 in every frame and the others are measured from "
+            "it, as in MediaPipe's landmarks of the picture, which have no size; give its world "
+            "landmarks"
+        )
+    elif lies_flat(joints):
+        yield (
+            "place: its keypoints lie in a plane, as points of a picture with a score do; unless "
+            "they are of a flat hand, give 3D keypoints"
+        )
     span = palm_length(joints)
     links = (joints[:, FINGER_TO] - joints[:, FINGER_FROM]).norm(dim=-1)
     longest = float(links.nanmedian(0).values.nan_to_num().max())
@@ -70,6 +86,14 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
             "handedness: the fingers curl away from the palm; unless the hand is flat, these are "
             f"points of the other hand: pass --side {other} or correct the side that is stated"
         )
+
+
+def of_picture(points: Array) -> bool:
+    """Whether (T, 21, 3) points are landmarks of a picture, which alone have a wrist of depth 0 off
+    the centre."""
+    wrist = points[np.isfinite(points).all((1, 2)), 0]
+    flat = len(wrist) > 0 and np.abs(wrist[:, 2]).max() < NO_DEPTH
+    return bool(flat and np.abs(wrist[:, :2]).min() > NO_DEPTH and (wrist > -NO_DEPTH).all())
 
 
 def curls_backward(joints: Float[Tensor, "T 21 3"], side: Side) -> bool:

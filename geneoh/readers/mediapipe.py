@@ -15,6 +15,7 @@ import numpy as np
 from geneoh.choices import OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.readers.clock import CLOCK_NAMES
+from geneoh.readers.hand_checks import of_picture
 from geneoh.readers.records import Array, Record, as_record
 
 WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
@@ -34,8 +35,6 @@ NOTES = (
     "through the world is not in them, and the object's poses must be about that centre too",
     "MediaPipe's older Hands name sides as in a mirrored picture; --side says otherwise",
 )
-NO_DEPTH = 1e-4
-"""Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
 
 
 @dataclass(frozen=True)
@@ -237,10 +236,8 @@ def label_of(value: Any) -> tuple[Side | None, float]:
 
 
 def refuse_image_landmarks(points: Array, where: str) -> None:
-    """Refuse landmarks of the picture, which alone have a wrist of depth 0 off the centre."""
-    wrist = points[np.isfinite(points).all((1, 2)), 0]
-    flat = len(wrist) and np.abs(wrist[:, 2]).max() < NO_DEPTH
-    if flat and np.abs(wrist[:, :2]).min() > NO_DEPTH and bool((wrist > -NO_DEPTH).all()):
+    """Refuse landmarks of the picture."""
+    if of_picture(points):
         raise image_landmarks(where)
 
 

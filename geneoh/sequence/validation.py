@@ -44,6 +44,10 @@ COLLAPSED = 0.01
 """Metres within which all keypoints of a frame lie that holds no hand: some trackers write zeros
 where they found none."""
 
+FLAT = 0.02
+"""Share of a hand's width below which its keypoints lie in a plane, as those of a picture; in the
+recording they span a fifth of it and more."""
+
 WRIST_FROM_ORIGIN = 0.15
 """Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
 
@@ -95,6 +99,8 @@ def check_tracks(sequence: Sequence, name: str = "") -> None:
     if not sides or len(set(sides)) < len(sides):
         got = " and ".join(sides) or "none"
         raise InputError(f"{name}: expected one hand or one of each side, got {got}; correct it")
+    if not sequence.frames:
+        raise InputError(f"{name}: expected at least one frame, got none; choose others")
     for hand in sequence.hands:
         if hand.frames != sequence.frames:
             raise InputError(
@@ -145,6 +151,8 @@ def check_hand(hand: HandTrack, name: str) -> None:
                 cure = "millimetres, divide by 1000" if span > 40 else "centimetres, divide by 100"
                 unit = "mm" if span > 40 else "cm"
                 cure += f"; files of bare keypoints take --keypoint-unit {unit}"
+                if lies_flat(hand.joints[hand.valid]):
+                    cure += "; or like pixels, as all lie in a plane: give 3D keypoints"
             raise InputError(
                 f"{name}: the joints of the {hand.side} hand must be in metres and span "
                 f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"
@@ -172,6 +180,12 @@ def check_hand(hand: HandTrack, name: str) -> None:
                 f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
                 f"{float(lengths.max()):.3g}; divide each by its length"
             )
+
+
+def lies_flat(joints: Float[Tensor, "T 21 3"]) -> bool:
+    """Whether a hand's keypoints lie in a plane across an axis, as pixels with a score do."""
+    extent = joints.amax(1) - joints.amin(1)
+    return float((extent.amin(-1) / extent.amax(-1)).nanmedian()) < FLAT
 
 
 def check_finite(values: Float[Tensor, "T ..."], what: str, name: str) -> None:

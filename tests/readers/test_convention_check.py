@@ -13,7 +13,7 @@ from trees import FRAMES, scene
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions, doubts
-from geneoh.readers.hand_checks import MIDDLE_JOINTS
+from geneoh.readers.hand_checks import MIDDLE_JOINTS, check_keypoint_order
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -46,6 +46,22 @@ def test_keypoints_without_confidence_raise_no_doubt():
     confidence[:, [4, 8, 12, 16, 20]] = 0.0
     keys = replace(hand, joints=joints, confidence=confidence, pose=None, wrist=None)
     assert list(doubts(replace(sequence, hands=(keys,)), "taco")) == []
+
+
+@pytest.mark.parametrize(
+    ("depth", "words"),
+    [
+        (lambda z: z, None),
+        (lambda z: z - z[:, :1], "landmarks of the picture"),
+        (lambda z: 1e-3 * z, "its keypoints lie in a plane"),
+    ],
+)
+def test_points_of_a_picture_are_told(depth, words):
+    hand = load(EXAMPLES / "taco_clean.npz").hands[0]
+    joints = hand.joints + 1
+    joints[..., 2] = depth(joints[..., 2])
+    said = list(check_keypoint_order(replace(hand, joints=joints)))
+    assert any(words in each for each in said) if words else said == []
 
 
 @pytest.mark.parametrize(("shift", "told"), [(0.0, False), (50.0, False), (500.0, True)])

@@ -7,7 +7,7 @@ from bad_inputs import FRAMES, good_arrays
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.validation import ball_distance, check_sequence, collapsed
+from geneoh.sequence.validation import ball_distance, check_sequence, check_tracks, collapsed
 
 SHEET = Mesh(torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), torch.tensor([[0, 1, 2]]))
 HAND = HandTrack(
@@ -73,6 +73,19 @@ def test_keypoints_without_confidence_may_be_anywhere():
     check_sequence(replace(GOOD, hands=(lost,)))
     with pytest.raises(InputError, match="these look like centimetres"):
         check_sequence(replace(GOOD, hands=(replace(lost, confidence=None),)))
+
+
+def test_points_of_a_picture_with_a_score_are_not_said_to_be_millimetres_only():
+    pixels = 1000 * HAND.joints
+    pixels[..., 2] = torch.linspace(0.5, 1, 21)
+    with pytest.raises(InputError, match="or like pixels, as all lie in a plane"):
+        check_sequence(replace(GOOD, hands=(replace(HAND, joints=pixels),)))
+
+
+@pytest.mark.parametrize("keep", [check_tracks, check_sequence])
+def test_a_sequence_without_a_frame_is_refused(keep):
+    with pytest.raises(InputError, match="expected at least one frame, got none"):
+        keep(GOOD[2:2])
 
 
 def test_a_hand_far_from_the_object_is_refused_only_where_there_is_a_mesh():
