@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from geneoh.errors import InputError
+from geneoh.errors import InputError, shortened
 from geneoh.files.atomic import in_one_step
 from geneoh.files.reading import BUDGET_VARIABLE, DAMAGE, byte_budget, read_bytes, reason
 
@@ -40,6 +40,12 @@ def read_archive(path: Path) -> Arrays:
                     f"{path}: expected an npz archive, got a file of torch.save; save its arrays "
                     "with numpy.savez, or say with --from whose it is, such as --from hamer"
                 )
+            names = archive.namelist()
+            if names and not any(name.endswith(".npy") for name in names):
+                raise InputError(
+                    f"{path}: expected an npz archive, got a zip of '{shortened(names[0], 40)}'; "
+                    "unpack it"
+                )
             return decode_archive(archive, str(path))
     except InputError:
         raise
@@ -55,6 +61,10 @@ def got_instead(data: bytes) -> str:
         return "a single .npy array; save the arrays by name with numpy.savez"
     if data.startswith(b"\x80"):
         return "a pickle, which is never opened; save its arrays with numpy.savez"
+    if data.startswith(b"\x1f\x8b"):
+        return "a gzip file; unpack it with gunzip"
+    if data.startswith((b"\x89PNG", b"\xff\xd8\xff", b"%PDF", b"GIF8")) or data[4:8] == b"ftyp":
+        return "a picture, film or document; give the 3D hands that a tracker found in it"
     return "something else; save the arrays with numpy.savez"
 
 

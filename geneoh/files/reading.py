@@ -29,6 +29,17 @@ DAMAGE = (
 of an array as Python's literals."""
 
 
+STAND_INS = {
+    b"version https://git-lfs": "a pointer of Git LFS; fetch the file itself with `git lfs pull`",
+    **dict.fromkeys(
+        (b"<!doctype html", b"<html"),
+        "a web page; download the file itself, where the page may ask to log in",
+    ),
+}
+"""By how they begin, in small letters: files that are often there instead of the real one, and what
+to do."""
+
+
 def reason(error: Exception) -> str:
     """What such an error says, in few words."""
     said = " ".join(str(error).split())[:100]
@@ -50,6 +61,7 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
     """The bytes of a file; `InputError` where it cannot be read, or is larger than `limit`."""
     try:
         refuse_large(path, limit)
+        refuse_stand_in(path)
         return path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from None
@@ -60,6 +72,7 @@ def open_text(path: Path, limit: int) -> TextIO:
     `InputError` as `read_bytes`."""
     try:
         refuse_large(path, limit)
+        refuse_stand_in(path)
         return path.open(encoding="utf-8-sig", errors="replace", newline="")
     except OSError as error:
         raise unreadable(path, error) from None
@@ -83,6 +96,15 @@ def refuse_large(path: Path, limit: int) -> None:
             f"{path}: must have at most {limit / 2**20:g} MiB, got {size / 2**20:.0f}; "
             "cut it into shorter ones"
         )
+
+
+def refuse_stand_in(path: Path) -> None:
+    """Raise where a file is only the pointer to the real one, or the page of its download."""
+    with path.open("rb") as file:
+        head = file.read(200).lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    for start, words in STAND_INS.items():
+        if head.startswith(start):
+            raise InputError(f"{path}: expected data, got {words}")
 
 
 def unreadable(path: Path, error: OSError) -> InputError:

@@ -19,7 +19,8 @@ POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
 """Shapes of the object's poses."""
 
 AS_MATRICES = (
-    "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle"
+    "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle, "
+    "or of 3x4 numbers and the row 0 0 0 1"
 )
 """What to do about poses of other shapes."""
 
@@ -83,10 +84,11 @@ def read_matrix(path: Path) -> Array:
 
 def read_json(path: Path) -> Any:
     """The value in a JSON file; of one with a value a line (.jsonl), the list of them."""
+    data = read_bytes(path, JSON_LIMIT)
     try:
         if path.suffix.lower() == ".jsonl":
-            return [json.loads(line) for line in read_bytes(path, JSON_LIMIT).splitlines() if line]
-        return json.loads(read_bytes(path, JSON_LIMIT))
+            return [json.loads(line) for line in data.splitlines() if line]
+        return json.loads(data)
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise InputError(

@@ -164,3 +164,29 @@ def test_a_header_that_is_no_python_literal_is_refused(tmp_path):
             bad.writestr("joints.npy", raw[:10] + wrong + raw[10 + len(wrong) :])
         with pytest.raises(InputError, match="no readable array header"):
             read_archive(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        (
+            b"version https://git-lfs.github.com/spec/v1\noid",
+            "Git LFS; .*git lfs pull",
+        ),
+        (b"\n<!DOCTYPE html>\n<html>", "a web page; download the file itself"),
+        (b"\x1f\x8b\x08\x00", "a gzip file; unpack it"),
+        (b"\x89PNG\r\n", "a picture, film or document; give the 3D hands"),
+        (b"\0\0\0\x20ftypisom", "a picture, film or document; give the 3D hands"),
+    ],
+)
+def test_what_is_often_there_instead_of_an_npz_is_told_with_what_to_do(start, words, tmp_path):
+    (tmp_path / "a.npz").write_bytes(start)
+    with pytest.raises(InputError, match=words):
+        read_archive(tmp_path / "a.npz")
+
+
+def test_a_zip_of_other_files_is_to_be_unpacked(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("track.npz", b"")
+    with pytest.raises(InputError, match=r"a zip of 'track\.npz'; unpack it"):
+        read_archive(tmp_path / "a.npz")

@@ -328,6 +328,12 @@ def test_faces_beyond_the_vertices_are_refused(index):
         checked(mesh, "cup.obj")
 
 
+def test_a_pointer_of_git_lfs_is_no_mesh_without_faces(tmp_path):
+    (tmp_path / "cup.obj").write_text("version https://git-lfs.github.com/spec/v1\n")
+    with pytest.raises(InputError, match="git lfs pull"):
+        load_mesh(tmp_path / "cup.obj")
+
+
 def test_missing_file_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such mesh file"):
         load_mesh(tmp_path / "none.obj")
