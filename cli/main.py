@@ -58,6 +58,13 @@ def refuse_repeated(ctx: click.Context, args: list[str]) -> None:
             )
 
 
+def about_extra(message: str) -> str:
+    """What to do about arguments that a command does not take, which click lists in brackets."""
+    if any(map(os.path.exists, message.partition("(")[2].rstrip(")").split())):
+        return "a mesh goes after --obj, and `geneoh batch` cleans many files"
+    return "put a text with spaces in quotes"
+
+
 class LazyGroup(click.Group):
     """A group that imports a subcommand when it is asked for, and lets no traceback through."""
 
@@ -90,7 +97,7 @@ class LazyGroup(click.Group):
             command = error.ctx.command_path if error.ctx else ctx.command_path
             message = error.format_message().rstrip(".")
             if "extra argument" in message:
-                message += "; put a text with spaces in quotes"
+                message += f"; {about_extra(message)}"
             raise failed(f"{message}; see `{command} --help`", error.exit_code) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise

@@ -26,6 +26,7 @@ CALLS = {
     "denoise(SHORT, 'fast')": "settings go by name, such as",
     "denoise(SHORT, preset='turbo')": "'preset' must be one of 'default', 'paper', 'fast'",
     "denoise(SHORT, presett='fast')": "did you mean 'preset'?",
+    "denoise('missing.npz', side='left')": "geneoh.load(path, side=...) makes the sequence with it",
     "denoise(SHORT, seed=-1)": "'seed' must be 0 to 9223372036854775807, got -1",
     "denoise(SHORT, seed=1.5)": "'seed' must be a whole number, got 1.5",
     "denoise(SHORT, samples=0)": "Options: 'samples' must be 1 or more, got 0",

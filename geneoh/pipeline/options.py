@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from geneoh.choices import CLEANING, Ablation, HandSource, PresetName, Selection
 from geneoh.config import check_fields, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
+from geneoh.readers.npz_files import load
 
 NEEDED_TO_REFINE: tuple[Ablation, ...] = ("object", "mesh")
 """Parts of the method without which the object is not examined."""
@@ -116,5 +118,7 @@ def with_settings(
     for name in settings:
         if name not in names:
             hint = closest_name(name, names)
+            if name in signature(load).parameters:
+                hint = f"geneoh.load(path, {name}=...) makes the sequence with it"
             raise ConfigError(f"{caller}: '{name}' is no setting; {hint}")
     return replace(options, **settings)

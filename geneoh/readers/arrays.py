@@ -71,9 +71,7 @@ def from_arrays(
     loaded = meshes_of(meshes)
     for name in arrays:
         if name not in NAMES:
-            close = difflib.get_close_matches(name, NAMES, 1)
-            cure = f"did you mean '{close[0]}'?" if close else f"the fields are {quoted(FIELDS)}"
-            raise InputError(f"{source}: '{name}' is no field of a sequence; {cure}")
+            raise InputError(f"{source}: '{name}' is no field of a sequence; {meant(name)}")
     values = {name: array_of(value) for name, value in arrays.items()}
     check_times(values, source)
     if fps is not None:
@@ -88,6 +86,17 @@ def from_arrays(
     sequence = replace(sequence, source="; ".join((source, *notes)))
     check_sequence(sequence, source)
     return sequence
+
+
+def meant(name: str) -> str:
+    """What a name that is no field of a sequence may stand for, as the end of a message."""
+    if name in ("obj", "object", "mesh"):
+        return "did you mean 'meshes'?"
+    sided = [each for side in SIDES if (each := f"{side}_{name}") in OWN_FIELDS]
+    close = sided or difflib.get_close_matches(name, NAMES, 1)
+    if close:
+        return f"did you mean {' or '.join(map(repr, close))}?"
+    return f"the fields are {quoted(FIELDS)}"
 
 
 def check_times(values: dict[str, Any], source: str) -> None:

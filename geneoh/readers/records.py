@@ -6,6 +6,7 @@ Every refusal names the file and the field, what was expected, what came and wha
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -102,9 +103,13 @@ class Record:
             fixed = [size for size in shape if isinstance(size, int)]
             if len(fixed) == len(shape) and without_ones(array.shape) == without_ones(shape):
                 return array.reshape(fixed)
-        empty = "" if array.size else "at least one frame is needed"
+        cure = remedy if array.size else "at least one frame is needed"
+        for shape in shapes:
+            turned = permutations(array.shape) if array.ndim == len(shape) and array.size else ()
+            if any(matches(axes, shape) for axes in turned):
+                cure = "bring its axes into this order with transpose, reshape would mix them"
         wanted = " or ".join(map(shown, shapes))
-        raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), empty or remedy)
+        raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
 
     def optional_array(self, name: Any, *shapes: Shape, **refusal: str) -> Array | None:
         """As `array`, or None where the field is not there."""
@@ -135,10 +140,12 @@ class Record:
                 told = all(each is None or isinstance(each, int | float) for each in array.flat)
                 array = array.astype(np.float64) if told else array
         except (ValueError, OverflowError):  # rows of other lengths, integers of any size
-            raise self.refuse(name, "an array of numbers") from None
+            cure = "" if self.remedy == AS_DISTRIBUTED else "fill missing rows with NaN"
+            raise self.refuse(name, "an array of numbers", cure) from None
         if array.dtype.kind not in "fiub":
             objects = array.dtype.kind == "O" and name in self
             cure = OF_OBJECTS if objects and self.remedy != AS_DISTRIBUTED else ""
+            cure = "write numbers and no text" if array.dtype.kind in "US" else cure
             raise self.refuse(name, "an array of numbers", cure)
         return array.astype(np.float64)
 

@@ -69,6 +69,7 @@ def test_debug_lets_the_traceback_through(geneoh, failing):
         (["corrupt"], "Missing argument 'CLEAN'"),
         (["corrupt", "a.npz", "--noise", "gauss", "--noise", "drop"], "--noise takes one value"),
         (["generate", "lift", "--obj", "a.obj", "--obj", "b.obj"], "got it 2 times"),
+        (["corrupt", "a.npz", "."], "a mesh goes after --obj, and `geneoh batch` cleans many"),
         (["bench", "--plot", "a.png", "--plot", "b.png"], "--plot takes one value, got it 2 times"),
     ],
 )

@@ -36,6 +36,17 @@ def test_lists_that_hold_each_other_are_refused_before_they_become_an_array():
         Record("a.pkl", {"pose": doubled(45)}).array("pose", ("T", 48))
 
 
+def test_a_web_page_is_no_damaged_json(tmp_path):
+    (tmp_path / "a.json").write_text("<html>")
+    with pytest.raises(InputError, match="expected data, got a web page"):
+        read_json(tmp_path / "a.json")
+
+
+def test_a_number_in_text_is_to_be_written_as_one():
+    with pytest.raises(InputError, match="got text '30'; write numbers and no text"):
+        Record("a.npz", {"fps": np.array("30")}).number("fps")
+
+
 def test_null_in_a_list_of_numbers_is_nan():
     record = Record("a.json", {"points": [[1, None], [2.5, True]], "big": [10**400, None]})
     np.testing.assert_array_equal(record.numbers("points"), [[1, np.nan], [2.5, 1]])
