@@ -33,7 +33,7 @@ STAND_INS = {
     b"version https://git-lfs": "a pointer of Git LFS; fetch the file itself with `git lfs pull`",
     **dict.fromkeys(
         (b"<!doctype html", b"<html"),
-        "a web page; download the file itself, where the page may ask to log in",
+        "a web page; give the file itself, which some servers send only to who has logged in",
     ),
 }
 """By how they begin, in small letters: files that are often there instead of the real one, and what

@@ -348,7 +348,7 @@ def size_warning(mesh: Mesh) -> str | None:
     if size < SMALLEST_OBJECT:
         return (
             f"the mesh is {size:.3g} m long, too small for a hand: it looks scaled twice, "
-            "scale its vertices by 1000"
+            "drop --unit where it was passed, or scale its vertices by 1000"
         )
     return None
 

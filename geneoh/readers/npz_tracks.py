@@ -84,9 +84,9 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
     ]
     if not sides or given not in (None, *sides):
         wanted = f"a {given} hand" if given else "at least one hand"
+        cure = "drop --side" if sides else f"add '{given or 'right'}_joints'"
         raise InputError(
-            f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; "
-            f"add '{given or 'right'}_joints'"
+            f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; {cure}"
         )
     model = read_model(record)
     found = []

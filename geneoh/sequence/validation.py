@@ -263,15 +263,28 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
             "check that both are in metres and in the same frame, and that the object's poses are "
             "given (--object-pose)"
         )
+        if least_distance(in_other_axes(hand), motion) < FARTHEST_HAND:
+            remedy = (
+                "with y and z negated it comes near: hand and object seem to be in the axes of "
+                "OpenCV and OpenGL; negate y and z of the hand"
+            )
         if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
+            also = f"; or {remedy}" if remedy.startswith("with") else ""
             remedy = (
                 f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
-                "world to object; invert them to object to world"
+                f"world to object; invert them to object to world{also}"
             )
         raise InputError(
             f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
             f"{nearest:.3g} m away from it; {remedy}"
         )
+
+
+def in_other_axes(hand: HandTrack) -> HandTrack:
+    """The keypoints and wrist with y and z negated, as between cameras of OpenCV and OpenGL."""
+    flip = torch.tensor([1.0, -1.0, -1.0], device=hand.valid.device)
+    turned = {"joints": hand.joints, "wrist": hand.wrist}
+    return replace(hand, **{name: at * flip for name, at in turned.items() if at is not None})
 
 
 def inverted(motion: ObjectTrack) -> ObjectTrack:

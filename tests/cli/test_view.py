@@ -55,7 +55,7 @@ def test_page_stands_beside_the_result_by_default(geneoh, folder):
 
 
 def test_a_mesh_of_another_unit_is_told(geneoh, folder):
-    assert "too small for a hand" in geneoh(*VIEW, "--unit", "mm").stdout
+    assert "twice, drop --unit" in geneoh(*VIEW, "--unit", "mm").stdout
     (folder / "clean.html").unlink()
     assert "too small" not in geneoh(*VIEW).stdout
 

@@ -288,5 +288,5 @@ def test_our_own_layout_takes_the_pose_flat_or_by_joint():
     flat = only(read({**ours, "right_pose": POSE.reshape(T, 48)}))
     by_joint = only(read({**ours, "right_pose": POSE}))
     assert torch.equal(flat.pose, by_joint.pose)
-    with pytest.raises(InputError, match="expected a left hand, got right"):
+    with pytest.raises(InputError, match="expected a left hand, got right; drop --side"):
         read({**ours, "right_pose": POSE}, side="left")

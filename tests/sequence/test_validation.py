@@ -118,6 +118,17 @@ def test_a_far_object_whose_inverse_poses_are_near_is_said_to_be_inverted():
         check_sequence(replace(GOOD, hands=(hand,), object=far))
 
 
+def test_a_hand_in_the_axes_of_opengl_is_told_as_one():
+    shift = torch.tensor([0.0, 0.2, 2.0])
+    hand = replace(HAND, joints=(HAND.joints + shift) * torch.tensor([1.0, -1.0, -1.0]))
+    motion = replace(OBJECT, translation=shift.expand(FRAMES, 1, 3))
+    with pytest.raises(InputError, match=r"inverted, .*; or with y and z negated it comes near"):
+        check_sequence(replace(GOOD, hands=(hand,), object=motion))
+    turned = replace(motion, rotation=motion.rotation.roll(1, -1))
+    with pytest.raises(InputError, match="away from it; with y and z negated it comes near"):
+        check_sequence(replace(GOOD, hands=(hand,), object=turned))
+
+
 def test_one_near_frame_is_near_enough():
     away = OBJECT.translation + torch.linspace(0, 5, FRAMES)[:, None, None]
     check_sequence(replace(GOOD, object=replace(OBJECT, translation=away)))
