@@ -78,7 +78,7 @@ def denoise(
         refuse_lost_meshes(sequence)
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
-    geneoh.save(result, output)
+    geneoh.save(result, output, overwrite=overwrite)
     for line in reports.denoised(sequence, result, output):
         click.echo(line)
     if report is not None:

@@ -122,7 +122,7 @@ def sequences_of(
 def written(result: Denoised, place: Path) -> str:
     """Write a result; returns the fingerprint of its file."""
     make_folder(place.parent)
-    save(result, place)
+    save(result, place, overwrite=True)  # the run has looked at its folder before
     return fingerprint(place)
 
 

@@ -15,7 +15,7 @@ from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays, read_archive
-from geneoh.files.outputs import check_ending
+from geneoh.files.outputs import check_ending, keep_others
 from geneoh.fitting.terms import HandState
 from geneoh.metrics.report import InteractionReport
 from geneoh.objects.cleaning import ObjectExamination
@@ -112,7 +112,7 @@ def clean_track(
 
 
 @checked_call
-def save(result: Denoised | Sequence, path: Path | str) -> None:
+def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = False) -> None:
     """Write a result, or any sequence, as a geneoh-sequence npz, whole or not at all.
 
     A result keeps beside the fields of its sequence: per side `filled` (T,), frames that the input
@@ -121,15 +121,19 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     frames a second before selection and fit; `object_confidence` (T, Q), how much the
     object's poses agree with one another; `options`, the settings as JSON. Meshes stay in their own
     files, which it names; one that was made in memory is not kept, which is logged as a warning.
+    A file that geneoh did not write is replaced with `overwrite` only.
 
     Raises:
-        InputError: the place cannot be written to, or has another ending than `.npz`; or a sequence
-            has no hand, two of one side, other frames than its object, or betas of two models.
+        InputError: the place cannot be written to, holds a file that geneoh did not write, or has
+            another ending than `.npz`; or a sequence has no hand, two of one side, other frames
+            than its object, or betas of two models.
     """
     if not isinstance(result, Denoised | Sequence):
         takes = "geneoh.save takes a result or a Sequence, then the path to write to"
         raise no_result(result, f"{takes}, got {type(result).__name__} first")
     check_ending(Path(path), (".npz",))
+    if not overwrite:
+        keep_others(Path(path), "pass overwrite=True to replace it, or choose another name")
     if isinstance(result, Sequence):
         save_sequence(result, path)
         return

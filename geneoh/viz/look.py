@@ -89,7 +89,7 @@ SCALES: dict[Colouring, ColourScale] = {
         (f"{1000 * TOUCH:.0f} mm", "touches"),
     ),
     "spread": ColourScale(
-        "expected error (RMS)",
+        "expected error of the result (RMS)",
         (SKIN_COLOUR, (0.74, 0.55, 0.78), (0.48, 0.33, 0.78), (0.20, 0.12, 0.62)),
         (0.0, LARGEST_SPREAD),
         ("0", f"{1000 * LARGEST_SPREAD:.0f} mm"),

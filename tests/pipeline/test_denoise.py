@@ -3,12 +3,14 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import quick_presets
 import torch
 
+import geneoh
 from geneoh.denoisers.library import SHIPPED
-from geneoh.errors import CheckpointError
+from geneoh.errors import CheckpointError, InputError
 from geneoh.metrics.smoothness import finite_difference, valid_differences
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.pipeline.denoise import denoise
@@ -38,6 +40,14 @@ def acceleration(joints: torch.Tensor) -> torch.Tensor:
 def whole(noisy) -> Denoised:
     """All 146 frames cleaned by the default preset: three windows and a bit."""
     return denoise(noisy)
+
+
+def test_a_file_of_someone_else_is_replaced_only_on_demand(noisy, tmp_path):
+    np.savez(tmp_path / "mine.npz", mine=np.ones(3))
+    with pytest.raises(InputError, match="was not written by geneoh; pass overwrite=True"):
+        geneoh.save(noisy, tmp_path / "mine.npz")
+    geneoh.save(noisy, tmp_path / "mine.npz", overwrite=True)
+    geneoh.save(noisy, tmp_path / "mine.npz")
 
 
 def test_every_second_frame_of_a_result_comes_at_half_the_rate(noisy):

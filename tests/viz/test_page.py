@@ -49,6 +49,7 @@ def test_vertices_come_back_to_a_hundredth_of_a_millimetre(scene, page):
 def test_samples_and_parts_are_in_the_page(scene, page):
     described, raw = unpacked(page)
     assert len(described["parts"]) == 2
+    assert described["scales"]["spread"]["title"] == "expected error of the result (RMS)"
     steps = array(described["samples"]["right"], raw)
     joints = steps * described["step"] + np.array(described["low"])
     np.testing.assert_allclose(joints, scene.samples["right"].transpose(0, 1).numpy(), atol=1e-5)
