@@ -145,7 +145,8 @@ class Record:
         if array.dtype.kind not in "fiub":
             objects = array.dtype.kind == "O" and name in self
             cure = OF_OBJECTS if objects and self.remedy != AS_DISTRIBUTED else ""
-            cure = "write numbers and no text" if array.dtype.kind in "US" else cure
+            if array.dtype.kind in "US" and self.remedy.startswith("reshape"):
+                cure = "write numbers and no text"
             raise self.refuse(name, "an array of numbers", cure)
         return array.astype(np.float64)
 

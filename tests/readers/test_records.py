@@ -44,7 +44,7 @@ def test_a_web_page_is_no_damaged_json(tmp_path):
 
 def test_a_number_in_text_is_to_be_written_as_one():
     with pytest.raises(InputError, match="got text '30'; write numbers and no text"):
-        Record("a.npz", {"fps": np.array("30")}).number("fps")
+        Record("a.npz", {"fps": np.array("30")}, "reshape it").number("fps")
 
 
 def test_null_in_a_list_of_numbers_is_nan():
