@@ -104,9 +104,9 @@ class Record:
             if len(fixed) == len(shape) and without_ones(array.shape) == without_ones(shape):
                 return array.reshape(fixed)
         cure = remedy if array.size else "at least one frame is needed"
-        for shape in shapes:
-            turned = permutations(array.shape) if array.ndim == len(shape) and array.size else ()
-            if any(matches(axes, shape) for axes in turned):
+        if not cure and self.remedy.startswith("reshape"):
+            ways = (way for w in shapes if len(w) == array.ndim for way in permutations(w))
+            if any(matches(array.shape, way) for way in ways):
                 cure = "bring its axes into this order with transpose, reshape would mix them"
         wanted = " or ".join(map(shown, shapes))
         raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)

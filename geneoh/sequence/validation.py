@@ -183,9 +183,9 @@ def check_hand(hand: HandTrack, name: str) -> None:
 
 
 def lies_flat(joints: Float[Tensor, "T 21 3"]) -> bool:
-    """Whether a hand's keypoints lie in a plane across an axis, as pixels with a score do."""
+    """Whether the keypoints lie almost in a plane across an axis, as pixels with a score do."""
     extent = joints.amax(1) - joints.amin(1)
-    return float((extent.amin(-1) / extent.amax(-1)).nanmedian()) < FLAT
+    return 0 < float((extent.amin(-1) / extent.amax(-1)).nanmedian()) < FLAT
 
 
 def check_finite(values: Float[Tensor, "T ..."], what: str, name: str) -> None:
