@@ -93,6 +93,18 @@ def find_clips(
             found += clips_of(path, source, folder)
     if not found:
         raise InputError(f"{', '.join(map(str, inputs))}: lists no clip; add lines to the manifest")
+    clips = [
+        replace(
+            clip, meshes=clip.meshes or meshes or (() if clip.source else mesh_beside(clip.path))
+        )
+        for clip in distinct(found)
+    ]
+    check_places(clips, folder)
+    return clips
+
+
+def distinct(found: list[Clip]) -> list[Clip]:
+    """What there is to do once each, under the names that manifests say, or else distinct ones."""
     works = works_of(found)
     told = {work for clip, work in zip(found, works, strict=True) if clip.is_named}
     once: dict[tuple[str, str], Clip] = {}
@@ -104,16 +116,9 @@ def find_clips(
         raise InputError(f"two manifests name a clip '{twice[0]}'; rename one")
     bare = [SourceClip(each.name, each.path) for each in once.values() if not each.is_named]
     others = iter(with_distinct_names(bare, kept))
-    clips = [
-        replace(
-            clip,
-            name=clip.name if clip.is_named else next(others).name,
-            meshes=clip.meshes or meshes or (() if clip.source else mesh_beside(clip.path)),
-        )
-        for clip in once.values()
+    return [
+        clip if clip.is_named else replace(clip, name=next(others).name) for clip in once.values()
     ]
-    check_places(clips, folder)
-    return clips
 
 
 def works_of(clips: list[Clip]) -> list[str]:
