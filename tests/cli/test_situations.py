@@ -357,7 +357,7 @@ SITUATIONS = [
     ),
     Situation(
         "The video is cut: a hand leaps elsewhere and stays for two thirds of a second",
-        "left hand: cuts: it leaps to another place before frame 25, ... sequence[0:25]",
+        "cuts: a hand leaps to another place before frame 25, ... each shot is cleaned by itself",
         cut,
         code=0,
     ),
