@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d, minimum_filter1d
 from torch import Tensor
 
+from geneoh.bundle import spread
 from geneoh.errors import numbered
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
@@ -52,6 +53,8 @@ TOUCHING, OFF = 0.02, 0.04
 """Distance in metres between surface and nearest keypoint: up to the first the hand may touch the
 object, from the second on not. While they hold, noisy hands are at most 2 cm off in 95 of 100 clips
 but under the noise of a camera, whose errors are tried along its ray."""
+LOOKED, LOOKED_VERTS = 8, 512
+"""Frames and vertices that tell whether one part of an object stays at another."""
 ALONG = 0.1
 """Largest error along a camera's ray, metres."""
 SMOOTHED = 3.0
@@ -115,12 +118,27 @@ def evidence_at_hand(
 
 
 def held_part(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> int:
-    """The part of the object that the hand is at for longest; the first one where none is."""
+    """The part of the object that the hand is at for longest; the first one where none is.
+
+    It is also the first one where that part always touches it, as a lid or a drawer does: the
+    networks have learned such objects as seen from their first part.
+    """
     if len(surface.fields) == 1:
         return 0
     parts = range(len(surface.fields))
     away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
-    return int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
+    held = int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
+    return 0 if stays_at_the_first(surface, held) else held
+
+
+def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
+    """Whether a part is at the first one in all of some frames."""
+    some = surface.at(spread(len(surface.rotation), LOOKED))
+    verts = surface.fields[part].mesh.verts
+    verts = verts[:: max(1, len(verts) // LOOKED_VERTS)].to(some.rotation)
+    places = verts @ some.rotation[:, part].mT + some.translation[:, part, None]
+    apart = some.of_parts([0]).query(places).distance.amin(-1)
+    return bool((apart < TOUCHING).all())
 
 
 def acceleration_around(
