@@ -211,9 +211,12 @@ class MovingSurface:
 
     def of_parts(self, parts: list[int]) -> "MovingSurface":
         """Some of the parts alone, in that order."""
-        fields = tuple(self.fields[part] for part in parts)
-        moving = self.rotation[:, parts], self.translation[:, parts]
-        return MovingSurface(fields, *moving, self.within)
+        return replace(
+            self,
+            fields=tuple(self.fields[part] for part in parts),
+            rotation=self.rotation[:, parts],
+            translation=self.translation[:, parts],
+        )
 
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
         """Distance in each frame to the part with the least signed distance."""

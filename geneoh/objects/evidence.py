@@ -117,18 +117,21 @@ def evidence_at_hand(
     return torch.stack(shares).amin(0)
 
 
-def held_part(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> int:
-    """The part of the object that the hand is at for longest; the first one where none is.
+def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> MovingSurface:
+    """The object whose first part is the one that the hand is at for longest.
 
-    It is also the first one where that part always touches it, as a lid or a drawer does: the
-    networks have learned such objects as seen from their first part.
+    The stages see a hand from the first part, which must not be what the other hand holds. An
+    object that the hand is nowhere at stays as it is, and so does one whose held part is always at
+    the first one, as a lid or a drawer is: the networks have learned those so.
     """
-    if len(surface.fields) == 1:
-        return 0
     parts = range(len(surface.fields))
+    if len(parts) == 1:
+        return surface
     away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
     held = int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
-    return 0 if stays_at_the_first(surface, held) else held
+    if stays_at_the_first(surface, held):
+        return surface
+    return surface.of_parts(sorted(parts, key=lambda part: part != held))
 
 
 def stays_at_the_first(surface: MovingSurface, part: int) -> bool:

@@ -12,12 +12,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.baselines.filters import Filter, smooth
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import ShapedHand
-from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
 from geneoh.metrics.report import InteractionReport, measure_posed
 from geneoh.metrics.smoothness import (
@@ -26,7 +24,6 @@ from geneoh.metrics.smoothness import (
     per_frame_squared,
     valid_differences,
 )
-from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
@@ -34,16 +31,6 @@ from geneoh.sequence.keypoints import palm_axes
 
 FAR = 1.0
 """Distance in metres at which nothing of a surface is seen: closeness decays over centimetres."""
-QUIET, NOISY = 0.0015, 0.003
-"""White noise of the fingertips per axis, metres: below the first the result stays as it is, above
-the second it is smoothed. Recorded hands have 0.0012."""
-SMOOTHING = Filter("gaussian", 1.0)
-"""The filter that takes out what jitter the samples leave; its size is in frames."""
-STILL, SHAKY = 0.0006, 0.0012
-"""White noise that samples against an object leave in the fingertips, metres: above the second it
-is smoothed. Those of hands that hold have up to 0.0004."""
-SMOOTHING_FAST = Filter("savgol", 7.0)
-"""The filter for them, which keeps the hand's own motion up to three times a second."""
 
 
 @dataclass(frozen=True)
@@ -82,54 +69,6 @@ def hand_alone(subject: Subject, fps: float) -> HandAlone:
         trust=subject.trust,
         fps=fps,
     )
-
-
-def without_jitter(
-    samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"], fps: float
-) -> Float[Tensor, "S T 21 3"]:
-    """Samples of a hand alone, smoothed by as much as the observed hand is noisy.
-
-    Each window of the networks has its own view of the noise, and no contact holds the hand: what
-    jitter is left is taken out where the input has white noise, and quiet inputs keep their motion.
-    """
-    share = share_of_jitter(observed, QUIET, NOISY)
-    return samples + share * (_smoothed(samples, SMOOTHING, fps) - samples)
-
-
-def without_jitter_at(
-    context: StageContext,
-    samples: Float[Tensor, "S T 21 3"],
-    observed: Float[Tensor, "T 21 3"],
-) -> Float[Tensor, "S T 21 3"]:
-    """Samples against an object, without the jitter that they share with the observed hand.
-
-    MotionDiff has learned from hands that hold, and leaves half of the noise of one that moves fast
-    over its object, such as on a table that it wipes. It is taken out as the object sees it, where
-    a hand that holds rests, however fast both are.
-    """
-    turn, place = context.rotation[:, 0], context.translation[:, 0, None]
-    local, given = (samples - place) @ turn, (observed - place) @ turn
-    noisy = share_of_jitter(given, QUIET, NOISY)
-    left = [share_of_jitter(each, STILL, SHAKY) for each in context.cut(local.mean(0), 0)]
-    if not noisy or not any(left):
-        return samples
-    share = context.blend(samples.new_tensor(left)[:, None, None].expand(-1, context.size, 1))
-    change = _smoothed(local, SMOOTHING_FAST, context.fps) - local
-    return samples + noisy * share[0, :, None] * change @ turn.mT
-
-
-def share_of_jitter(joints: Float[Tensor, "T 21 3"], quiet: float, noisy: float) -> float:
-    """0 where the white noise of the fingertips is `quiet`, metres per axis, 1 where `noisy`."""
-    if len(joints) < 5:
-        return 0.0
-    noise = noise_level(joints[:, list(TIP_KEYPOINTS)].cpu().double().numpy())
-    return min(max((noise - quiet) / (noisy - quiet), 0.0), 1.0)
-
-
-def _smoothed(
-    samples: Float[Tensor, "S T 21 3"], by: Filter, fps: float
-) -> Float[Tensor, "S T 21 3"]:
-    return smooth(samples.movedim(1, 0), by, fps).movedim(0, 1)
 
 
 def measure_hand(

@@ -115,14 +115,13 @@ def denoise(
 
 def with_one_shape(sequence: Sequence, options: Options) -> Sequence:
     """The sequence whose hands with keypoints have the betas that fit those of all frames."""
-    found = {hand.side: _subject(hand, options) for hand in normalised_hands(sequence)}
-    hands = [
-        hand
-        if hand.joints is None
-        else replace(hand, betas=subject.betas, hand_model=subject.shaped.model.name)
-        for hand in sequence.hands
-        for subject in [found[hand.side]]
-    ]
+    subjects = {hand.side: _subject(hand, options) for hand in normalised_hands(sequence)}
+
+    def shaped(hand: HandTrack) -> HandTrack:
+        subject = subjects[hand.side]
+        return replace(hand, betas=subject.betas, hand_model=subject.shaped.model.name)
+
+    hands = [hand if hand.joints is None else shaped(hand) for hand in sequence.hands]
     return replace(sequence, hands=tuple(hands))
 
 

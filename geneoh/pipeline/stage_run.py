@@ -14,9 +14,10 @@ from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
-from geneoh.objects.evidence import blended, evidence_of_place, held_part
-from geneoh.pipeline.alone import hand_alone, without_jitter, without_jitter_at
+from geneoh.objects.evidence import blended, evidence_of_place, with_held_part_first
+from geneoh.pipeline.alone import hand_alone
 from geneoh.pipeline.context import StageContext, repeated, stage_context
+from geneoh.pipeline.jitter import without_jitter, without_jitter_over_object
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
     Placed,
@@ -68,9 +69,7 @@ class StageRun:
         """
         samples = None
         if surface is not None and bool((near * poses > LEAST_EVIDENCE).any()):
-            held, parts = held_part(self.subject.joints, surface), range(len(surface.fields))
-            # the stages see the hand from the first part: not from what the other hand holds
-            seen = surface.of_parts(sorted(parts, key=lambda part: part != held))
+            seen = with_held_part_first(self.subject.joints, surface)
             context = stage_context(seen, self.subject, fps, generator=self.generator)
             context = replace(
                 context,
@@ -81,7 +80,7 @@ class StageRun:
             )
             samples, width = self.samples(context, chosen)
             if chosen.observed and chosen.motion is not None:
-                samples = without_jitter_at(context, samples, self.subject.joints)
+                samples = without_jitter_over_object(context, samples, self.subject.joints)
             if width is not None:
                 near = near * evidence_of_place(width)
         if samples is None or bool((near * poses < 1).any()):

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 import quick_presets
 import torch
-from ball_scenes import LONG, hands_at, scene
-from draws import seeded
 
 import geneoh
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.accuracy import within_spread
-from geneoh.pipeline.alone import without_jitter_at
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -118,16 +115,3 @@ def test_the_radius_of_a_hand_alone_holds_most_of_the_truth(clean):
     cleaned = geneoh.denoise(noisy).sequence.hands[0]
     truth = clean.hands[0].joints[:60]
     assert within_spread(cleaned.joints, truth, cleaned.joint_spread).mean() > 0.7
-
-
-def test_jitter_of_a_fast_hand_over_its_object_is_taken_out():
-    context, time = scene(LONG), torch.arange(LONG) / 30
-    sweep = 0.08 * torch.stack([torch.cos(6 * time), torch.sin(6 * time), 0 * time], -1)
-    truth = hands_at(context)[0] + sweep[:, None] @ context.rotation[:, 0].mT
-    jitter = 0.005 * torch.randn(LONG, 21, 3, generator=seeded())
-    left = (truth + 0.6 * jitter)[None]
-    calm = without_jitter_at(context, left, truth + jitter)
-    off = [float((points - truth).norm(dim=-1).mean()) for points in (left, calm)]
-    assert off[1] < 0.75 * off[0]
-    assert torch.equal(without_jitter_at(context, truth[None], truth + jitter), truth[None])
-    assert torch.equal(without_jitter_at(context, left, truth), left)
