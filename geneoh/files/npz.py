@@ -35,12 +35,12 @@ def read_archive(path: Path) -> Arrays:
         raise InputError(f"{path}: expected an npz archive, got {got_instead(data)}")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if any(name.endswith("/data.pkl") for name in archive.namelist()):
+            names = archive.namelist()
+            if any(name.endswith("/data.pkl") for name in names):
                 raise InputError(
                     f"{path}: expected an npz archive, got a file of torch.save; save its arrays "
                     "with numpy.savez, or say with --from whose it is, such as --from hamer"
                 )
-            names = archive.namelist()
             if names and not any(name.endswith(".npy") for name in names):
                 raise InputError(
                     f"{path}: expected an npz archive, got a zip of '{shortened(names[0], 40)}'; "

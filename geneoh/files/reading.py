@@ -28,16 +28,15 @@ DAMAGE = (
 """What a damaged file makes the readers of Python and numpy raise; numpy, for one, reads the header
 of an array as Python's literals."""
 
-
-STAND_INS = {
-    b"version https://git-lfs": "a pointer of Git LFS; fetch the file itself with `git lfs pull`",
-    **dict.fromkeys(
+STAND_INS = (
+    (b"version https://git-lfs", "a pointer of Git LFS; fetch the file itself with `git lfs pull`"),
+    (
         (b"<!doctype html", b"<html"),
-        "a web page; give the file itself, which some servers send only to who has logged in",
+        "a web page; give the file itself, which some servers send only to users who are logged in",
     ),
-}
-"""By how they begin, in small letters: files that are often there instead of the real one, and what
-to do."""
+)
+"""Files that are often there instead of the real one: how they begin, in small letters, and what is
+said of them."""
 
 
 def reason(error: Exception) -> str:
@@ -102,8 +101,8 @@ def refuse_stand_in(path: Path) -> None:
     """Raise where a file is only the pointer to the real one, or the page of its download."""
     with path.open("rb") as file:
         head = file.read(200).lstrip(b"\xef\xbb\xbf \t\r\n").lower()
-    for start, words in STAND_INS.items():
-        if head.startswith(start):
+    for starts, words in STAND_INS:
+        if head.startswith(starts):
             raise InputError(f"{path}: expected data, got {words}")
 
 

@@ -24,7 +24,7 @@ from geneoh.files.outputs import is_ours
 from geneoh.files.reading import refuse_stand_in
 from geneoh.geometry.mesh_formats import refuse_cut_off, refuse_packed, rewritten
 from geneoh.geometry.mirror import mirror_faces, mirror_points
-from geneoh.geometry.polygons import cut_within, obj_polygons
+from geneoh.geometry.polygons import cut_within, obj_polygons, ply_polygons
 from geneoh.interrupts import interrupts_wait
 from geneoh.modes import undisturbed
 
@@ -181,8 +181,7 @@ def by_trimesh(path: Path) -> Mesh:
         given, kind = (path, None) if data is None else (io.BytesIO(data), path.suffix[1:].lower())
         scene = trimesh.load_scene(given, file_type=kind, process=False)
         refuse_cut_off(path, scene)
-        obj = b"" if path.suffix.lower() != ".obj" else data or path.read_bytes()
-        mesh = without_lids(obj, scene) or from_trimesh(scene.to_mesh())
+        mesh = without_lids(path, data, scene) or from_trimesh(scene.to_mesh())
         mesh = replace(mesh, source=path.absolute(), parts=scene_parts(scene, path))
     except InputError:
         raise
@@ -202,22 +201,17 @@ def by_trimesh(path: Path) -> Mesh:
     return mesh
 
 
-def without_lids(obj: bytes, scene: "trimesh.Scene") -> Mesh | None:
-    """The mesh of an OBJ or ASCII PLY file of which trimesh cuts a face outside of its outline."""
-    outlines = obj_polygons(obj) if obj else None
-    for shape in scene.geometry.values():
-        raw = shape.metadata.get("_ply_raw", {}).get("face", {}).get("data")
-        faces = (
-            raw.get("vertex_indices", raw.get("vertex_index")) if isinstance(raw, dict) else None
-        )
-        if faces is not None and faces.dtype == object:  # of several lengths
-            polygons = np.concatenate(faces), np.array(list(map(len, faces)))
-            outlines = np.array(shape.vertices), polygons
-    cut = None if outlines is None else cut_within(*outlines)
-    if outlines is None or cut is None:
+def without_lids(path: Path, data: bytes | None, scene: "trimesh.Scene") -> Mesh | None:
+    """The mesh of an OBJ or ASCII PLY file of which trimesh cuts a face outside of its outline.
+
+    None for all other files. `data` is what trimesh read instead of the file.
+    """
+    is_obj = path.suffix.lower() == ".obj"
+    outlines = obj_polygons(data or path.read_bytes()) if is_obj else ply_polygons(scene)
+    triangles = None if outlines is None else cut_within(*outlines)
+    if outlines is None or triangles is None:
         return None
-    points = torch.from_numpy(outlines[0].astype(np.float32))
-    return Mesh(points, torch.from_numpy(cut))
+    return Mesh(torch.from_numpy(outlines[0].astype(np.float32)), torch.from_numpy(triangles))
 
 
 @runtime_checkable
@@ -419,7 +413,7 @@ def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E
 
 def connected(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " V"]:
     """The number of the connected piece that each vertex belongs to, up to the last in an edge."""
-    start, end = edges.cpu().int().numpy().T  # scipy before 1.12 takes no others
+    start, end = edges.cpu().int().numpy().T  # scipy before 1.12 takes 32 bits only
     size = int(edges.max()) + 1
     links = coo_array((np.ones(len(start)), (start, end)), (size, size))
     label = connected_components(links, directed=False)[1]

@@ -30,9 +30,9 @@ def refuse_packed(data: bytes) -> None:
 
 
 def rewritten(path: Path) -> bytes | None:
-    """What trimesh is to read instead of an OBJ, PLY, STL or OFF file; None where it is that file.
+    """What trimesh is to read instead of a file; None where it reads the file itself well.
 
-    trimesh guesses an encoding other than UTF-8 with a package that it does not install.
+    Of an encoding other than UTF-8 trimesh asks a package that it does not install.
     """
     kind, data = path.suffix.lower(), path.read_bytes()
     text = data
@@ -42,7 +42,7 @@ def rewritten(path: Path) -> bytes | None:
         text = b""  # a binary file
     elif kind not in (".obj", ".stl", ".off"):
         return None
-    plain = text if is_utf8(text) else without_foreign_signs(text)
+    plain = text if is_utf8(text) else in_ascii(text)
     plain = obj_for_trimesh(path, plain) if kind == ".obj" else plain
     return None if plain is text else plain + data[len(text) :]
 
@@ -56,18 +56,18 @@ def is_utf8(text: bytes) -> bool:
     return True
 
 
-def without_foreign_signs(text: bytes) -> bytes:
-    """A text with _ for the bytes of signs beyond ASCII; in Shift-JIS and GBK the second byte of a
-    sign may be a backslash, which would join its line to the next one."""
+def in_ascii(text: bytes) -> bytes:
+    """A text with _ for each byte of characters beyond ASCII."""
+    # the second byte of one in Shift-JIS or GBK may be a backslash, which joins two lines
     return re.sub(rb"[\x80-\xff]\\?", lambda found: b"_" * len(found[0]), text)
 
 
 def obj_for_trimesh(path: Path, data: bytes) -> bytes:
-    """An OBJ file as trimesh reads it, where it would take this one for another mesh.
+    """An OBJ file as trimesh reads it right: without the mark that some programs begin UTF-8 with,
+    without indentation, and with faces that count their points from the first.
 
-    Without the mark that some programs begin UTF-8 with, without indentation, and with faces that
-    count their points from the first: trimesh counts backward from the end of the file, and not
-    from the face. It takes 0 for the last point: that is refused.
+    trimesh counts backward from the end of the file, and not from the face. It takes 0 for the last
+    point, which is refused.
     """
     if ZERO.search(data):
         raise InputError(
@@ -93,8 +93,10 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
 
 
 def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:
-    """Raise for a PLY or OFF file of text that has fewer lines than it says, where its copy broke
-    off: trimesh reads what is there. A binary one has another length than trimesh takes."""
+    """Refuse a PLY or OFF file of text that has fewer lines than it says, as its copy broke off.
+
+    Of these trimesh reads what is there; it refuses binary files of another length by itself.
+    """
     for shape in scene.geometry.values():
         elements = shape.metadata.get("_ply_raw", {})
         for name in {"vertex", "face"} & elements.keys():
@@ -108,7 +110,7 @@ def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:
 
 
 def refuse_fewer(path: Path, found: int, said: int, name: str) -> None:
-    """`InputError` where a file holds fewer of some elements than it says."""
+    """Refuse a file that holds fewer of some elements than it says."""
     if found < said:
         raise InputError(
             f"{path}: the file breaks off, it says {said} as its number of '{name}', got {found}; "

@@ -6,14 +6,18 @@ the gap of a wrench gets a lid.
 
 import re
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+if TYPE_CHECKING:
+    import trimesh
+
 Polygons = tuple[Int[np.ndarray, " C"], Int[np.ndarray, " P"]]
 """The corners of all faces, one face after the other, and how many each has."""
 OUTSIDE = 1e-3
-"""Share of a face's area that counts as cut outside of its outline; coordinates are rounded."""
+"""Share of a face's area beyond which it is cut outside of its outline: less may be rounding."""
 
 
 def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
@@ -30,10 +34,23 @@ def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | Non
     return places, (indices, np.array(list(map(len, faces))))
 
 
+def ply_polygons(scene: "trimesh.Scene") -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
+    """Points and faces of an ASCII PLY file that trimesh has read; None for all other files, and
+    where all faces have as many corners."""
+    for shape in scene.geometry.values():
+        columns = shape.metadata.get("_ply_raw", {}).get("face", {}).get("data")
+        if isinstance(columns, dict):  # of a binary file it is one array
+            faces = columns.get("vertex_indices", columns.get("vertex_index"))
+            if faces is not None and faces.dtype == object:  # of several lengths
+                polygons = np.concatenate(faces), np.array(list(map(len, faces)))
+                return np.array(shape.vertices), polygons
+    return None
+
+
 def cut_within(
     points: Float[np.ndarray, "V 3"], polygons: Polygons
 ) -> Int[np.ndarray, "F 3"] | None:
-    """The triangles of faces, each within its face; None where trimesh cuts all of them so."""
+    """The triangles of faces, each within its face; None where trimesh cuts every face well."""
     outside = are_cut_outside(points, polygons)
     if not outside.any():
         return None
@@ -46,8 +63,8 @@ def cut_within(
 
 
 def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Bool[np.ndarray, " P"]:
-    """Whether lines from the first corner of each face leave its outline, and cut off triangles
-    that look the other way."""
+    """Whether lines from the first corner of each face leave its outline: triangles between them
+    then face the other way."""
     corners, sizes = polygons
     found, starts = np.zeros(len(sizes), dtype=bool), sizes.cumsum() - sizes
     for size in np.unique(sizes[sizes > 3]):
@@ -61,26 +78,26 @@ def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Boo
     return found
 
 
-def turns_of(outlines: Float[np.ndarray, "*B N 3"]) -> Float[np.ndarray, "*B N"]:
-    """The area of the triangle at each corner of a face, as a share of the face's.
-
-    Negative where the triangle lies outside.
-    """
-    spokes, sides = outlines - outlines[..., :1, :], np.roll(outlines, -1, -2) - outlines
-    normal = np.cross(spokes, np.roll(spokes, -1, -2)).sum(-2, keepdims=True)
-    at_corners = (np.cross(np.roll(sides, 1, -2), sides) * normal).sum(-1)
-    return at_corners / (normal**2).sum(-1).clip(1e-30)
+def turns_of(outline: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+    """The area of the triangle of each corner and its two neighbours, as a share of the face's;
+    negative where the triangle lies outside."""
+    spokes, sides = outline - outline[:1], np.roll(outline, -1, 0) - outline
+    normal = np.cross(spokes, np.roll(spokes, -1, 0)).sum(0)
+    at_corners = (np.cross(np.roll(sides, 1, 0), sides) * normal).sum(-1)
+    return at_corners / (normal**2).sum().clip(1e-30)
 
 
 def ears(outline: Float[np.ndarray, "N 3"]) -> list[list[int]]:
-    """The triangles of a face by its corners: one after the other is cut off within the outline."""
+    """The triangles of a face, by the numbers of its corners: ears are cut off one by one.
+
+    An ear is a triangle of three corners in a row that lies within the outline. The largest goes
+    first.
+    """
     left, found = list(range(len(outline))), []
     while len(left) > 3:
-        turns = turns_of(outline[left])
-        size = len(left)
-        around = [
-            (at - 1, at, (at + 1) % size) for at in np.argsort(-turns, kind="stable").tolist()
-        ]
+        turns, size = turns_of(outline[left]), len(left)
+        largest = np.argsort(-turns, kind="stable").tolist()
+        around = [(at - 1, at, (at + 1) % size) for at in largest]
         inside = (ear for ear in around if turns[ear[1]] > 0 and is_empty(outline[left], ear))
         ear = next(inside, around[0])
         found.append([left[at] for at in ear])
@@ -89,7 +106,7 @@ def ears(outline: Float[np.ndarray, "N 3"]) -> list[list[int]]:
 
 
 def is_empty(outline: Float[np.ndarray, "N 3"], ear: tuple[int, int, int]) -> bool:
-    """Whether no corner of an outline is inside of the triangle of three others."""
+    """Whether none of the other corners of an outline is inside of the triangle of these three."""
     corners = outline[list(ear)]
     others = np.delete(outline, [at % len(outline) for at in ear], axis=0)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
