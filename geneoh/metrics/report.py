@@ -164,19 +164,19 @@ def measure_posed(
 
 
 def over_shots(reports: Sequence[InteractionReport]) -> InteractionReport:
-    """The report of all shots of a video: means weighted by frames, those of fingers in contact by
-    the frames with contact, and the largest depth of all.
-    """
+    """The report of all shots of a video: the largest depth, and means weighted by the frames of
+    each shot, `fingers_in_contact` by its frames with contact."""
     frames = [report.frames for report in reports]
-    contact = [report.frames * report.contact_fraction for report in reports]
+    touching = [report.frames * report.contact_fraction for report in reports]
     found = {}
     for name in reports[0].as_dict():
         values = [getattr(report, name) for report in reports]
-        weights = contact if name == "fingers_in_contact" else frames
+        weights = touching if name == "fingers_in_contact" else frames
         known = [(v, w) for v, w in zip(values, weights, strict=True) if v == v and w > 0]
         whole = sum(weight for _, weight in known)
         found[name] = sum(value * weight for value, weight in known) / whole if known else nan
-    deepest = max((report.penetration_max_mm for report in reports), key=lambda v: (v == v, v))
+    depths = [report.penetration_max_mm for report in reports]
+    deepest = max((depth for depth in depths if depth == depth), default=nan)
     return InteractionReport(**found | {"frames": sum(frames), "penetration_max_mm": deepest})
 
 

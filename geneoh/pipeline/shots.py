@@ -36,7 +36,7 @@ def common_shots(sequence: Sequence) -> list[slice]:
 
 
 def told_of(shots: list[slice], *, apart: bool) -> Iterator[str]:
-    """What a user should know of cuts, whose shots are cleaned `apart` or not."""
+    """What a user should know of cuts; `apart` says whether each shot is cleaned by itself."""
     if len(shots) < 2:
         return
     where = ", ".join(str(shot.start) for shot in shots[1:])
@@ -50,7 +50,7 @@ def told_of(shots: list[slice], *, apart: bool) -> Iterator[str]:
 
 
 def joined(parts: list[Denoised], shots: list[slice]) -> Denoised:
-    """The results of all shots, whose hands have the same betas, as that of the whole video."""
+    """The results of all shots as one of the whole video; their hands have the same betas."""
     first = parts[0]
     depths = [part.hands_in_each_other for part in parts if part.hands_in_each_other]
     examined = [part.examined for part in parts if part.examined]
@@ -65,7 +65,7 @@ def joined(parts: list[Denoised], shots: list[slice]) -> Denoised:
 
 
 def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
-    """One hand of all shots; a sample that was kept comes first."""
+    """One hand of all shots; the sample that was kept of each comes first."""
     parts = [replace(part, samples=part.samples.roll(-max(part.chosen, 0), 0)) for part in parts]
     seen = [int((~part.filled).sum()) for part in parts]
     moved = sum(count * part.moved for count, part in zip(seen, parts, strict=True)) / sum(seen)
@@ -93,7 +93,7 @@ def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
 
 
 def _said(notes: list[tuple[str, ...]], shots: list[slice]) -> tuple[str, ...]:
-    """Notes of all shots once, and those of some with their frames."""
+    """Notes on all shots once, and those on some of them with their frames."""
     said: dict[str, None] = {}
     for own, shot in zip(notes, shots, strict=True):
         frames = f"frames {shot.start} to {shot.stop - 1}"

@@ -16,8 +16,19 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
 from geneoh.readers.delay_check import check_delay
-from geneoh.readers.hand_checks import check_finger_bend, check_keypoint_order, refuse_other_order
-from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_place
+from geneoh.readers.hand_checks import (
+    HANDEDNESS,
+    check_depth,
+    check_finger_bend,
+    check_keypoint_order,
+    refuse_other_order,
+)
+from geneoh.readers.holding_check import (
+    TOUCHING_REACH,
+    check_holding,
+    check_wrist_motion,
+    check_wrist_place,
+)
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -29,8 +40,6 @@ POSE_LIMIT = 0.015
 """Mean metres between stored keypoints and those of the pose with the best constant skeleton."""
 POINT_LIMIT = 0.005
 """Metres between a stored object and its mesh moved by its pose."""
-HANDEDNESS = "handedness:"
-"""How the sentences of `hand_checks` on hands of the other side begin."""
 J0_SHARE = 0.3
 """Share by which the length of J0 differs from hand to hand."""
 LARGEST_CONDITION = 100.0
@@ -52,10 +61,12 @@ def contradictions(recording: Recording) -> list[str]:
         told = (
             *check_wrist_position(hand, stored),
             *check_turning_point(hand, stored),
+            *check_depth(hand),
             *check_keypoint_order(hand),
             *check_finger_bend(hand),
             *check_pose_against_keypoints(hand, stored),
-            *check_place(hand, sequence.object),
+            *check_wrist_place(hand, sequence.object),
+            *check_wrist_motion(hand, sequence.object),
             *check_holding(hand, sequence.object),
         )
         found += [f"{hand.side} hand: {words}" for words in told]
@@ -67,36 +78,37 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
 
     `InputError` where the keypoints are certainly in another order; `name` is that of the file.
     """
-    named_wrongly = len(sequence.hands) == 2 and all(map(is_of_the_other_side, sequence.hands))
-    if named_wrongly:
+    about = {hand.side: list(doubts_of(hand, sequence, name)) for hand in sequence.hands}
+    exchanged = len(about) == 2 and all(
+        any(words.startswith(HANDEDNESS) for words in told) for told in about.values()
+    )
+    if exchanged:
         yield (
             f"{HANDEDNESS} the fingers of both hands curl away from their palms; unless they are "
             "flat, the left hand is called right and the right one left: exchange the two names"
         )
-    for hand in sequence.hands:
-        refuse_other_order(hand, name)
-        away = float(distance_to_object(hand, sequence.object)[hand.valid].min())
-        if away > TOUCHING_REACH:
-            yield (
-                f"{hand.side} hand: its wrist stays {away:.2f} m from the object, too far to touch "
-                "it; check the object's poses (--object-pose) and the units (--unit)"
-            )
-        told = (
-            *check_place(hand, sequence.object),
-            *check_keypoint_order(hand),
-            *check_finger_bend(hand),
-            *check_holding(hand, sequence.object),
-            *check_delay(hand, sequence.object, sequence.fps),
-        )
+    for side, told in about.items():
         for words in told:
-            if not (named_wrongly and words.startswith(HANDEDNESS)):
-                yield f"{hand.side} hand: {words}"
+            if not (exchanged and words.startswith(HANDEDNESS)):
+                yield f"{side} hand: {words}"
 
 
-def is_of_the_other_side(hand: HandTrack) -> bool:
-    """Whether a hand is told to be of the other side."""
-    told = (*check_keypoint_order(hand), *check_finger_bend(hand))
-    return any(words.startswith(HANDEDNESS) for words in told)
+def doubts_of(hand: HandTrack, sequence: Sequence, name: str) -> Iterator[str]:
+    """What is doubtful about one hand of a sequence; see `doubts`."""
+    refuse_other_order(hand, name)
+    away = float(distance_to_object(hand, sequence.object)[hand.valid].min())
+    if away > TOUCHING_REACH:
+        yield (
+            f"its wrist stays {away:.2f} m from the object, too far to touch it; check the "
+            "object's poses (--object-pose) and the units (--unit)"
+        )
+    yield from check_wrist_place(hand, sequence.object)
+    yield from check_wrist_motion(hand, sequence.object)
+    yield from check_depth(hand)
+    yield from check_keypoint_order(hand)
+    yield from check_finger_bend(hand)
+    yield from check_holding(hand, sequence.object)
+    yield from check_delay(hand, sequence.object, sequence.fps)
 
 
 def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array] | None:

@@ -32,6 +32,8 @@ REORDER = "reorder them, or pass --joint-order {order} where they are bare keypo
 """What to do about a file whose keypoints are in another order."""
 NO_DEPTH = 1e-4
 """Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
+HANDEDNESS = "handedness:"
+"""How the sentences on a hand of the other side begin."""
 CURL_LIMIT = 0.1
 """Share of the palm's length that fingers may bend backward at their tips."""
 
@@ -54,8 +56,8 @@ def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
     return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
 
 
-def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
-    """Whether the bones between the keypoints are as short as fingers, and curl to the palm."""
+def check_depth(hand: HandTrack) -> Iterator[str]:
+    """Whether the keypoints have a depth, as those of a picture do not."""
     if hand.joints is None:
         return
     joints = trusted_joints(hand)
@@ -70,6 +72,13 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
             "place: its keypoints lie in a plane, as points of a picture with a score do; unless "
             "they are of a flat hand, give 3D keypoints"
         )
+
+
+def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
+    """Whether the bones between the keypoints are as short as fingers, and curl to the palm."""
+    if hand.joints is None:
+        return
+    joints = trusted_joints(hand)
     span = palm_length(joints)
     links = (joints[:, FINGER_TO] - joints[:, FINGER_FROM]).norm(dim=-1)
     longest = float(links.nanmedian(0).values.nan_to_num().max())
@@ -83,14 +92,14 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
     elif curls_backward(joints, hand.side):
         other = OTHER_SIDE[hand.side]
         yield (
-            "handedness: the fingers curl away from the palm; unless the hand is flat, these are "
+            f"{HANDEDNESS} the fingers curl away from the palm; unless the hand is flat, these are "
             f"points of the other hand: pass --side {other} or correct the side that is stated"
         )
 
 
 def of_picture(points: Array) -> bool:
-    """Whether (T, 21, 3) points are landmarks of a picture, which alone have a wrist of depth 0 off
-    the centre."""
+    """Whether (T, 21, 3) points are MediaPipe's landmarks of the picture: these alone have a wrist
+    of depth 0 that is off the centre."""
     wrist = points[np.isfinite(points).all((1, 2)), 0]
     flat = len(wrist) > 0 and np.abs(wrist[:, 2]).max() < NO_DEPTH
     return bool(flat and np.abs(wrist[:, :2]).min() > NO_DEPTH and (wrist > -NO_DEPTH).all())
@@ -123,7 +132,7 @@ def check_finger_bend(hand: HandTrack) -> Iterator[str]:
     if bend < -BACKWARD_LIMIT:
         other = OTHER_SIDE[hand.side]
         yield (
-            f"handedness: the fingers bend backward by {-bend:.2f} rad on average; unless the hand "
-            f"is flat, these are the numbers of a {other} hand (--side {other}), or a mean pose is "
-            "missing (--mean-pose)"
+            f"{HANDEDNESS} the fingers bend backward by {-bend:.2f} rad on average; unless the "
+            f"hand is flat, these are the numbers of a {other} hand (--side {other}), or a mean "
+            "pose is missing (--mean-pose)"
         )

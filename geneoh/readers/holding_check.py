@@ -25,8 +25,8 @@ and within which a reading has the hand hold it."""
 POSES_REACH = 5.0
 """Metres from the wrist to the origin of an object without a mesh, which no object reaches over."""
 ROUNDING, TRAVEL = 1e-6, 0.1
-"""Metres that points stay within which do not move, and from which on an object that moves is not
-turned by the fingers of a hand that is held still."""
+"""Metres within which a wrist stands still, and farther than which the fingers of a hand that is
+held still move no object."""
 HOLDING_STEPS, HOLDING_GAIN, HOLDING_SHARE = 5, 0.002, 0.4
 """Moving frames that are needed; metres a frame and share by which another reading is better."""
 SCATTER, SCATTER_SHARE = 0.03, 0.5
@@ -46,9 +46,9 @@ Reading = tuple[Array, Array, Array]
 """(T, 3) wrist, and (T, 3, 3) rotation and (T, 3) translation of the object, metres."""
 
 
-def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
+def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     """Whether the wrist comes near the world's origin, and near the poses of an object without a
-    mesh, and moves where the object does."""
+    mesh."""
     wrist, seen = wrist_of(hand), hand.trust[:, 0] > 0
     away = float(wrist.norm(dim=-1).masked_fill(~seen, torch.inf).min())
     if FARTHEST_SCENE < away < torch.inf:
@@ -65,15 +65,21 @@ def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
             f"place: its wrist stays {nearest:.0f} m from the poses of the object, too far to "
             "touch it; give both in metres and in the same frame (--object-pose, --keypoint-unit)"
         )
-    way, place = wrist[seen], motion.translation[seen]
+
+
+def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
+    """Whether the wrist moves at all, where fingers and object do."""
     given = hand.pose if hand.joints is None else hand.joints
-    if motion.meshes and given is not None and len(way) > HOLDING_STEPS:
-        stays = float((way - way[0]).abs().max()) < ROUNDING < float(given[seen].std(0).max())
-        if stays and float((place - place[0]).norm(dim=-1).max()) > TRAVEL:
-            yield (
-                "place: its wrist stays exactly where it is while the fingers and the object move, "
-                "as in a hand that is relative to its wrist; add the wrist's place in the world"
-            )
+    seen = hand.trust[:, 0] > 0
+    if not motion.meshes or given is None or int(seen.sum()) <= HOLDING_STEPS:
+        return
+    wrist, place = wrist_of(hand)[seen], motion.translation[seen]
+    stays = float((wrist - wrist[0]).abs().max()) < ROUNDING < float(given[seen].std(0).max())
+    if stays and float((place - place[0]).norm(dim=-1).max()) > TRAVEL:
+        yield (
+            "place: its wrist stays exactly where it is while the fingers and the object move, "
+            "as in a hand that is relative to its wrist; add the wrist's place in the world"
+        )
 
 
 def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:

@@ -17,7 +17,10 @@ LASTING, AROUND = 2 / 3, 5
 
 
 def shots_of(hand: HandTrack, fps: float) -> list[slice]:
-    """The shots of a track: all of it where nothing shows a cut. Lost frames end a shot."""
+    """The shots of a track: all of it where nothing shows a cut.
+
+    Frames without the hand beside a cut belong to the shot before it.
+    """
     seen = np.flatnonzero(hand.observed.cpu().numpy())
     place = keypoints(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
     leaps = np.linalg.norm(np.diff(place, axis=0), axis=1)
@@ -29,11 +32,12 @@ def shots_of(hand: HandTrack, fps: float) -> list[slice]:
 
 
 def is_cut(
-    place: Float[np.ndarray, "T 3"], steps: Float[np.ndarray, " N"], last: int, lasting: int
+    place: Float[np.ndarray, "N 3"], steps: Float[np.ndarray, " M"], last: int, lasting: int
 ) -> bool:
-    """Whether the leap behind a `last` frame is one: for `lasting` frames no way leads back.
+    """Whether the video was cut behind the `last` frame of a shot, by the N frames with the hand.
 
-    And it is larger than the steps around it; all frames are those with the hand.
+    The step behind it is larger than those around it, and no way leads back: the hand stays on
+    either side for `lasting` frames.
     """
     before, after = place[: last + 1][-lasting:], place[last + 1 :][:lasting]
     around = [0.0, *steps[:last][-AROUND:], *steps[last + 1 :][:AROUND]]

@@ -45,8 +45,8 @@ COLLAPSED = 0.01
 where they found none."""
 
 FLAT = 0.02
-"""Share of a hand's width below which its keypoints lie in a plane, as those of a picture; in the
-recording they span a fifth of it and more."""
+"""Share of the largest extent of the keypoints along an axis that the smallest is below where they
+lie in a plane, as those of a picture do; in the recording it is a fifth and more."""
 
 WRIST_FROM_ORIGIN = 0.15
 """Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
@@ -259,21 +259,21 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: other units, another frame, other object."""
     nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
-        remedy = (
-            "check that both are in metres and in the same frame, and that the object's poses are "
-            "given (--object-pose)"
-        )
+        remedies = []
+        if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
+            remedies.append(
+                f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
+                "world to object; invert them to object to world"
+            )
         if least_distance(in_other_axes(hand), motion) < FARTHEST_HAND:
-            remedy = (
+            remedies.append(
                 "with y and z negated it comes near: hand and object seem to be in the axes of "
                 "OpenCV and OpenGL; negate y and z of the hand"
             )
-        if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
-            also = f"; or {remedy}" if remedy.startswith("with") else ""
-            remedy = (
-                f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
-                f"world to object; invert them to object to world{also}"
-            )
+        remedy = "; or ".join(remedies) or (
+            "check that both are in metres and in the same frame, and that the object's poses are "
+            "given (--object-pose)"
+        )
         raise InputError(
             f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
             f"{nearest:.3g} m away from it; {remedy}"
