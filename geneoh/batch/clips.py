@@ -10,6 +10,7 @@ import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from glob import glob, has_magic
 from itertools import chain
 from pathlib import Path
@@ -57,7 +58,7 @@ class Clip:
     problem: str = ""
     """Why there is nothing to read, in one sentence."""
     is_named: bool = False
-    """Whether a manifest says the name, which is then kept."""
+    """Whether a manifest gives the name, which is then kept."""
 
     def described(self) -> dict[str, Any]:
         """The clip as JSON can hold it; with another description it is other work."""
@@ -104,13 +105,20 @@ def find_clips(
 
 
 def distinct(found: list[Clip]) -> list[Clip]:
-    """What there is to do once each, under the names that manifests say, or else distinct ones."""
-    works = works_of(found)
+    """What there is to do, once each, under the names that manifests say, or else distinct ones."""
+    resolved = cache(Path.resolve)  # most clips share a folder
+
+    def work_of(clip: Clip) -> str:
+        """What a clip is to do, alike for all ways to write the path of its file."""
+        path = resolved(clip.path.parent) / clip.path.name
+        return repr(replace(clip, name="", path=path, is_named=False))
+
+    works = list(map(work_of, found))
     told = {work for clip, work in zip(found, works, strict=True) if clip.is_named}
     once: dict[tuple[str, str], Clip] = {}
     for clip, work in zip(found, works, strict=True):
         if clip.is_named or work not in told:
-            once.setdefault((clip.name * clip.is_named, work), clip)
+            once.setdefault((clip.name if clip.is_named else "", work), clip)
     kept = Counter(clip.name for clip in once.values() if clip.is_named)
     if twice := [name for name, count in kept.items() if count > 1]:
         raise InputError(f"two manifests name a clip '{twice[0]}'; rename one")
@@ -118,16 +126,6 @@ def distinct(found: list[Clip]) -> list[Clip]:
     others = iter(with_distinct_names(bare, kept))
     return [
         clip if clip.is_named else replace(clip, name=next(others).name) for clip in once.values()
-    ]
-
-
-def works_of(clips: list[Clip]) -> list[str]:
-    """What each clip is to do, alike for all ways to write the path of its file."""
-    folders = {folder: folder.resolve() for folder in {clip.path.parent for clip in clips}}
-    paths = [folders[clip.path.parent] / clip.path.name for clip in clips]
-    return [
-        repr(replace(clip, name="", path=path, is_named=False))
-        for clip, path in zip(clips, paths, strict=True)
     ]
 
 
@@ -187,24 +185,30 @@ def names_in(rows: Iterator[list[str]]) -> list[str]:
     return names
 
 
+def columns_of(rows: Iterator[list[str]], path: Path) -> list[str]:
+    """The columns of a manifest; `InputError` for one that is unknown, repeated or missing."""
+    names = names_in(rows)
+    if unknown := [name for name in names if name not in COLUMNS]:
+        hint = closest_name(unknown[0], COLUMNS)
+        raise InputError(f"{path}: '{unknown[0]}' is no column of a manifest; {hint}")
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"{path}: a manifest has each column once, got {', '.join(names)}; leave one out"
+        )
+    if "input" not in names:
+        raise InputError(
+            f"{path}: a manifest needs the column 'input', got {', '.join(names)}; add it"
+        )
+    return names
+
+
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
     """The clips of all rows; one whose files are not there keeps the reason as its problem."""
     with open_text(path, MANIFEST_LIMIT) as file:
         heading = file.readline()
         separator = separator_of(heading)
         rows = csv.reader(chain([heading], file), delimiter=separator, skipinitialspace=True)
-        names = names_in(rows)
-        if unknown := [name for name in names if name not in COLUMNS]:
-            hint = closest_name(unknown[0], COLUMNS)
-            raise InputError(f"{path}: '{unknown[0]}' is no column of a manifest; {hint}")
-        if len(set(names)) < len(names):
-            raise InputError(
-                f"{path}: a manifest has each column once, got {', '.join(names)}; leave one out"
-            )
-        if "input" not in names:
-            raise InputError(
-                f"{path}: a manifest needs the column 'input', got {', '.join(names)}; add it"
-            )
+        names = columns_of(rows, path)
         lines: dict[str, int] = {}  # of the names that are given
         for row in filter(any, rows):
             where = f"{path}, line {rows.line_num}"
@@ -214,7 +218,7 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
                     f"{where}: expected {len(names)} values ({', '.join(names)}), of which 'input' "
                     f"is not empty, got {len(row)}; correct the line"
                 )
-            name = cells.get("name", "").strip()
+            name = cells["name"] = cells.get("name", "").strip().removesuffix(".npz")
             if name in lines:
                 raise InputError(
                     f"{where}: 'name' must be another one in each line, got {name!r} in line "
@@ -226,8 +230,7 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
 
 def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) -> Iterator[Clip]:
     """The clip, or the clips of a source, that one row of a manifest names."""
-    path, name = base / cells["input"].strip(), cells.get("name", "").strip()
-    name = name.removesuffix(".npz")
+    path, name = base / cells["input"].strip(), cells["name"]
     if name and (name.endswith("/") or not Path(name).name or "\0" in name):
         raise InputError(f"{where}: 'name' must be one for a file, got {name!r}; choose another")
     source = cells.get("source", "").strip() or None
