@@ -29,10 +29,9 @@ ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 JOINT_NAMES = ("wrist", *(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3)))
 INFLUENCES = 4
-"""Joints that move a vertex at most: all programs read so many. MANO and ours have no more that
-count."""
+"""Joints that move a vertex at most: every program reads so many, and no vertex of MANO or of our
+hand has another one that counts."""
 ROUGHNESS = 0.8
-
 NO_BULGE = 1e-5
 """Metres by which a pose corrective must move some vertex in a clip to be in its file."""
 
@@ -152,20 +151,11 @@ def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, i
     bulges, shares, rest = _bulges(hand.model, pose_features(rotations))
     verts, faces = (shaped.verts + rest).numpy(), hand.model.faces.numpy()
     node = _add_mesh(document, f"{hand.side} hand", verts, faces, SKIN_COLOUR)
-    joints = _add_joints(document, hand, shaped, rotations, times)
-    back = np.tile(np.eye(4), (len(joints), 1, 1))
-    back[:, 3, :3] = -shaped.joints.numpy()  # columns come first
-    skin = {"joints": joints, "inverseBindMatrices": document.accessor(back.reshape(-1, 16))}
-    document.tables["nodes"][node]["skin"] = document.add("skins", skin)
-    mesh = document.tables["meshes"][document.tables["nodes"][node]["mesh"]]
-    weights, influences = hand.model.skin_weights.topk(INFLUENCES, dim=1)
-    weights = weights / weights.sum(1, keepdim=True)
-    influences = influences.where(weights > 0, 0).byte()  # as glTF wants it
+    mesh = document.tables["meshes"][-1]
     (primitive,) = mesh["primitives"]
-    primitive["attributes"] |= {
-        "JOINTS_0": document.accessor(influences.numpy(), ARRAY_BUFFER),
-        "WEIGHTS_0": document.accessor(weights.numpy(), ARRAY_BUFFER),
-    }
+    joints = _add_joints(document, hand, shaped, rotations, times)
+    document.tables["nodes"][node]["skin"] = _add_skin(document, joints, shaped)
+    primitive["attributes"] |= _skin_weights(document, hand.model)
     if len(bulges):
         primitive["targets"] = [
             {"POSITION": document.accessor(bulge.numpy(), ARRAY_BUFFER)} for bulge in bulges
@@ -175,10 +165,30 @@ def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, i
     return node, joints[0]
 
 
+def _add_skin(document: _Document, joints: list[int], shaped: ShapedHand) -> int:
+    """The joints that move a hand, and how each gets from its place at rest to the origin."""
+    back = np.tile(np.eye(4), (len(joints), 1, 1))
+    back[:, 3, :3] = -shaped.joints.numpy()  # columns come first
+    matrices = document.accessor(back.reshape(-1, 16))
+    return document.add("skins", {"joints": joints, "inverseBindMatrices": matrices})
+
+
+def _skin_weights(document: _Document, model: HandModel) -> dict[str, int]:
+    """The joints that move each vertex and their weights, as attributes of a mesh."""
+    weights, joints = model.skin_weights.topk(INFLUENCES, dim=1)
+    weights = weights / weights.sum(1, keepdim=True)
+    joints = joints.where(weights > 0, 0).byte()  # as glTF wants it
+    return {
+        "JOINTS_0": document.accessor(joints.numpy(), ARRAY_BUFFER),
+        "WEIGHTS_0": document.accessor(weights.numpy(), ARRAY_BUFFER),
+    }
+
+
 def _bulges(
     model: HandModel, features: Float[Tensor, "T 135"]
 ) -> tuple[Float[Tensor, "K V 3"], Float[Tensor, "T K"], Float[Tensor, "V 3"]]:
-    """Pose correctives that change in a clip, the share of each in each frame, and what is always.
+    """Pose correctives that change in a clip, the share of each in each frame, and the sum of the
+    others, metres.
 
     Shares go from 0 to 1 in each clip: Blender's sliders end there.
     """
@@ -197,7 +207,7 @@ def _add_joints(
     rotations: Float[Tensor, "T 16 3 3"],
     times: int,
 ) -> list[int]:
-    """The nodes of a hand's joints, in MANO order, which turn about their place in their parent."""
+    """The nodes of a hand's joints, in MANO order, each of which turns in its parent's frame."""
     nodes: list[int] = []
     for joint, (name, parent) in enumerate(zip(JOINT_NAMES, PARENTS, strict=True)):
         place = hand.wrist[0] if parent < 0 else shaped.offsets[joint - 1]
@@ -218,7 +228,7 @@ def _add_joints(
 
 
 def _xyzw(quat_wxyz: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
-    """The same rotations as glTF has them, with signs that are continuous over time."""
+    """The same rotations in glTF's order, with signs that are continuous over time."""
     agrees = (quat_wxyz[1:] * quat_wxyz[:-1]).sum(-1) >= 0
     signs = np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))
     quat = quat_wxyz * signs[:, None]
