@@ -77,9 +77,8 @@ class Bundle:
                 f"{type(self).__name__} takes slices that run forward along {axis}, got {index!r}; "
                 "indices may run backward, such as torch.arange(n - 1, -1, -1) of n entries"
             )
-
         if not isinstance(index, slice | Tensor):
-            index = torch.from_numpy(np.array(index))
+            index = torch.from_numpy(np.array(index))  # a copy, as torch takes no reversed array
         # numpy takes a tensor of one entry for a number, which would remove the axis
         of_array = index.cpu().numpy() if isinstance(index, Tensor) else index
 

@@ -36,8 +36,8 @@ class HandResult(Bundle):
     """Keypoints of every sample after the three stages, before the fit: world frame, metres, the
     side of the hand, at 30 frames a second."""
     chosen: int
-    """Index of the sample that was kept; -1 for their mean. Of a video that was cut, `samples` begin
-    with the one that was kept of each shot."""
+    """Index of the sample that was kept; -1 for their mean. Where the shots of a video were cleaned
+    one by one, the samples that were kept come first."""
     before: InteractionReport
     """Measures of the input, at 30 frames a second."""
     after: InteractionReport

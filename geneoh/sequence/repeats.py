@@ -17,11 +17,11 @@ from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
 LEAP, LEVER = 0.002, 0.07
-"""Metres of a step from which on the object moves, and the lever by which a rotation counts: a turn
-moves what is 10 cm off, by which the matrix changes by the root of 2."""
+"""Metres of a step from which on the object moves, and metres for which a change of its rotation
+matrix counts: by √2 for each radian, which moves a point that is 10 cm off by as much as 10 cm."""
 FEWEST, LONGER = 5, 2
-"""Stops between leaps that are no chance, and how many times as long as usual one of them may be:
-what is longer is a rest."""
+"""Stops between leaps that are no chance, and how many times their median length one may last: a
+longer one is a rest."""
 
 
 def without_repeats(motion: ObjectTrack) -> ObjectTrack:
@@ -44,14 +44,10 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     """Poses that are exactly the one before, between leaps; none where that is rare."""
     found = torch.zeros(motion.rotation.shape[:2], dtype=torch.bool)
     seen = torch.ones_like(found) if motion.valid is None else motion.valid.cpu()
-    both = seen[1:] & seen[:-1]
     steps = torch.cat([motion.translation, LEVER * motion.rotation.flatten(2)], -1).diff(dim=0)
+    stays = (steps == 0).all(-1).cpu() & seen[1:] & seen[:-1]
     for part in range(found.shape[1]):
-        stops = [
-            stop
-            for stop in runs(((steps == 0).all(-1).cpu() & both)[:, part].numpy())
-            if goes_on(steps[:, part], stop)
-        ]
+        stops = [each for each in runs(stays[:, part].numpy()) if goes_on(steps[:, part], each)]
         lengths = [stop.stop - stop.start for stop in stops]
         for stop, length in zip(stops, lengths, strict=True):
             short = len(stops) >= FEWEST and length <= LONGER * float(np.median(lengths))
@@ -60,7 +56,10 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
 
 
 def goes_on(steps: Float[Tensor, "N D"], stop: slice) -> bool:
-    """Whether steps are leaps before and after a stop, and lead on: what turns back does stop."""
+    """Whether steps are leaps before and after a stop, in the same direction.
+
+    What turns back does stand still for a moment.
+    """
     if stop.start == 0 or stop.stop == len(steps):
         return False
     before, after = steps[stop.start - 1], steps[stop.stop]

@@ -246,9 +246,9 @@ class Sequence(Bundle):
 
 
 def step_of(frames: Index) -> int:
-    """How many frames the chosen ones are apart, where all are as many; else 1."""
+    """How many frames apart the chosen ones are; 1 where that differs."""
     if isinstance(frames, slice):
         return frames.step or 1
-    chosen = np.asarray(frames)
+    chosen = frames.cpu().numpy() if isinstance(frames, Tensor) else np.asarray(frames)
     steps = np.diff(np.flatnonzero(chosen) if chosen.dtype == bool else chosen)
     return int(steps[0]) if len(steps) and steps[0] > 0 and (steps == steps[0]).all() else 1
