@@ -24,7 +24,7 @@ from geneoh.readers.npz_layouts import (
     own_names,
     quoted,
 )
-from geneoh.readers.records import Record
+from geneoh.readers.records import RESHAPE, Record
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
@@ -81,7 +81,7 @@ def from_arrays(
             f"{source}: expected 'fps', the number of frames a second, got none; give it, or the "
             "times of the frames in seconds as 'timestamps'"
         )
-    record = Record(source, values, "reshape it")
+    record = Record(source, values, RESHAPE)
     sequence, notes = sequence_in(record, FORMAT, loaded)
     sequence = replace(sequence, source="; ".join((source, *notes)))
     check_sequence(sequence, source)

@@ -78,13 +78,13 @@ def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
 
 
 def frames_in(value: Any) -> list[Any]:
-    """The results in a JSON value, one a frame, which may stand under "result" beside its time.
+    """The results in a JSON value, one a frame: in a list, or by the numbers of their frames.
 
-    Or by the numbers of their frames.
+    Each may stand under "result" beside its time.
     """
     if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
-        given = sorted((int(number), result or {}) for number, result in value.items())
-        value = [{"frame": n, **result} for n, result in given if isinstance(result, dict)]
+        by_number = sorted((int(number), result or {}) for number, result in value.items())
+        value = [{"frame": at, **result} for at, result in by_number if isinstance(result, dict)]
     elif isinstance(value, dict):
         value = next((value[name] for name in LISTS if name in value), [value])
     return [

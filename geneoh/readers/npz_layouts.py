@@ -13,7 +13,7 @@ from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, shortened
 from geneoh.files.npz import read_archive
 from geneoh.files.outputs import SEQUENCE_FORMAT
-from geneoh.readers.records import Record
+from geneoh.readers.records import RESHAPE, Record
 
 Layout = Literal["geneoh-sequence", "smplx", "taco", "joints"]
 
@@ -78,7 +78,7 @@ TYPO_CUTOFF = 0.85
 
 def read_fields(path: Path) -> Record:
     """The fields of an npz; `InputError` for other files, and for anything but plain arrays."""
-    remedy = "reshape it or export the file again"
+    remedy = f"{RESHAPE} or export the file again"
     return Record(str(path), read_archive(path), remedy, most_frames=sys.maxsize)
 
 

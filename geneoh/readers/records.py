@@ -4,7 +4,7 @@ Every refusal names the file and the field, what was expected, what came and wha
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
@@ -60,6 +60,9 @@ NESTING_LIMIT = 64
 AS_DISTRIBUTED = "check that this is the file of the data set, as it is distributed"
 """What to do about a wrong field of a data set's file."""
 
+RESHAPE = "reshape it"
+"""How the remedy for a wrong field begins where the arrays are a user's own."""
+
 OF_OBJECTS = "make numbers of it with astype(float)"
 """What to do about a caller's array of Python objects."""
 
@@ -104,10 +107,8 @@ class Record:
             if len(fixed) == len(shape) and without_ones(array.shape) == without_ones(shape):
                 return array.reshape(fixed)
         cure = remedy if array.size else "at least one frame is needed"
-        if not cure and self.remedy.startswith("reshape"):
-            ways = (way for w in shapes if len(w) == array.ndim for way in permutations(w))
-            if any(matches(array.shape, way) for way in ways):
-                cure = "bring its axes into this order with transpose, reshape would mix them"
+        if not cure and self.remedy.startswith(RESHAPE) and is_transposed(array.shape, shapes):
+            cure = "bring its axes into this order with transpose, reshape would mix them"
         wanted = " or ".join(map(shown, shapes))
         raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
 
@@ -145,7 +146,7 @@ class Record:
         if array.dtype.kind not in "fiub":
             objects = array.dtype.kind == "O" and name in self
             cure = OF_OBJECTS if objects and self.remedy != AS_DISTRIBUTED else ""
-            if array.dtype.kind in "US" and self.remedy.startswith("reshape"):
+            if array.dtype.kind in "US" and self.remedy.startswith(RESHAPE):
                 cure = "write numbers and no text"
             raise self.refuse(name, "an array of numbers", cure)
         return array.astype(np.float64)
@@ -294,6 +295,11 @@ def without_gaps(value: Any) -> Any:
     like = next((row for row in rows if np.ndim(row)), None)
     lost = None if like is None else np.full(np.shape(like), np.nan)
     return [lost if row is None else row for row in rows]
+
+
+def is_transposed(shape: tuple[int, ...], patterns: Iterable[Shape]) -> bool:
+    """Whether an array's shape is one that a pattern allows with its axes in another order."""
+    return any(matches(shape, each) for pattern in patterns for each in permutations(pattern))
 
 
 def matches(shape: tuple[int, ...], pattern: Shape) -> bool:
