@@ -211,12 +211,9 @@ class MovingSurface:
 
     def of_parts(self, parts: list[int]) -> "MovingSurface":
         """Some of the parts alone, in that order."""
-        return replace(
-            self,
-            fields=tuple(self.fields[part] for part in parts),
-            rotation=self.rotation[:, parts],
-            translation=self.translation[:, parts],
-        )
+        fields = tuple(self.fields[part] for part in parts)
+        rotation, translation = self.rotation[:, parts], self.translation[:, parts]
+        return replace(self, fields=fields, rotation=rotation, translation=translation)
 
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
         """Distance in each frame to the part with the least signed distance."""

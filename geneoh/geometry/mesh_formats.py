@@ -42,24 +42,19 @@ def rewritten(path: Path) -> bytes | None:
         text = b""  # a binary file
     elif kind not in (".obj", ".stl", ".off"):
         return None
-    plain = text if is_utf8(text) else in_ascii(text)
+    plain = as_utf8(text)
     plain = obj_for_trimesh(path, plain) if kind == ".obj" else plain
     return None if plain is text else plain + data[len(text) :]
 
 
-def is_utf8(text: bytes) -> bool:
-    """Whether a text is of that encoding."""
+def as_utf8(text: bytes) -> bytes:
+    """A text of UTF-8 as it is; one of another encoding with _ for bytes that are not ASCII."""
     try:
         text.decode()
     except UnicodeDecodeError:
-        return False
-    return True
-
-
-def in_ascii(text: bytes) -> bytes:
-    """A text with _ for each byte of characters beyond ASCII."""
-    # the second byte of one in Shift-JIS or GBK may be a backslash, which joins two lines
-    return re.sub(rb"[\x80-\xff]\\?", lambda found: b"_" * len(found[0]), text)
+        # the second byte of a character in Shift-JIS or GBK may be a backslash, which joins lines
+        return re.sub(rb"[\x80-\xff]\\?", lambda found: b"_" * len(found[0]), text)
+    return text
 
 
 def obj_for_trimesh(path: Path, data: bytes) -> bytes:

@@ -226,15 +226,16 @@ def finite_frames(values: Array) -> Array:
 def moving(motions: Mapping[str, Array]) -> list[str]:
     """The names of the objects that leave their place, by their (T, 4, 4) poses in metres.
 
-    Of a table full of things only some are handled. Where none moves it is all that have poses.
+    Of a table full of things only some are handled. Where none moves, all that have poses.
     """
     known = {name: motion[finite_frames(motion), :3, 3] for name, motion in motions.items()}
     known = {name: places for name, places in known.items() if len(places)}
-    off = {
-        name: np.linalg.norm(places - np.median(places, axis=0), axis=1).max()
-        for name, places in known.items()
-    }
-    return [name for name in known if off[name] > MOVES] or list(known)
+
+    def leaves(places: Array) -> bool:
+        off = np.linalg.norm(places - np.median(places, axis=0), axis=1)
+        return bool(off.max() > MOVES)
+
+    return [name for name, places in known.items() if leaves(places)] or list(known)
 
 
 def stretches(present: Array, after_jump: Array | None) -> list[slice]:

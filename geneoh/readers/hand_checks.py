@@ -56,6 +56,13 @@ def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
     return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
 
 
+def check_hand(hand: HandTrack) -> Iterator[str]:
+    """All that is doubtful about a hand by itself."""
+    yield from check_depth(hand)
+    yield from check_keypoint_order(hand)
+    yield from check_finger_bend(hand)
+
+
 def check_depth(hand: HandTrack) -> Iterator[str]:
     """Whether the keypoints have a depth, as those of a picture do not."""
     if hand.joints is None:

@@ -46,9 +46,9 @@ Reading = tuple[Array, Array, Array]
 """(T, 3) wrist, and (T, 3, 3) rotation and (T, 3) translation of the object, metres."""
 
 
-def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
+def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     """Whether the wrist comes near the world's origin, and near the poses of an object without a
-    mesh."""
+    mesh, and moves through the world."""
     wrist, seen = wrist_of(hand), hand.trust[:, 0] > 0
     away = float(wrist.norm(dim=-1).masked_fill(~seen, torch.inf).min())
     if FARTHEST_SCENE < away < torch.inf:
@@ -65,6 +65,7 @@ def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
             f"place: its wrist stays {nearest:.0f} m from the poses of the object, too far to "
             "touch it; give both in metres and in the same frame (--object-pose, --keypoint-unit)"
         )
+    yield from check_wrist_motion(hand, motion)
 
 
 def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
