@@ -165,7 +165,7 @@ def test_what_an_object_moves_in_the_hand_is_no_drift_where_its_noise_is_white(d
     moving = (torch.arange(FRAMES) > LIFT)[:, None]
     truth = replace(truth, translation=truth.translation + (0.005 * play * moving)[:, None])
     errors = []
-    for seed in range(5):
+    for seed in range(2):
         smooth, examined = clean_object(white(truth, degrees, metres, seed), 30.0)
         refined = refine_object(smooth, examined, [hand], 30.0)
         errors.append([off(smooth, truth), off(refined, truth)])
