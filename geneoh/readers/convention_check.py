@@ -16,7 +16,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
 from geneoh.readers.delay_check import check_delay
-from geneoh.readers.hand_checks import HANDEDNESS, check_hand, refuse_other_order
+from geneoh.readers.hand_checks import HANDEDNESS, check_anatomy, refuse_other_order
 from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_place
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
@@ -50,7 +50,7 @@ def contradictions(recording: Recording) -> list[str]:
         told = (
             *check_wrist_position(hand, stored),
             *check_turning_point(hand, stored),
-            *check_hand(hand),
+            *check_anatomy(hand),
             *check_pose_against_keypoints(hand, stored),
             *check_place(hand, sequence.object),
             *check_holding(hand, sequence.object),
@@ -89,7 +89,7 @@ def doubts_of(hand: HandTrack, sequence: Sequence, name: str) -> Iterator[str]:
             "object's poses (--object-pose) and the units (--unit)"
         )
     yield from check_place(hand, sequence.object)
-    yield from check_hand(hand)
+    yield from check_anatomy(hand)
     yield from check_holding(hand, sequence.object)
     yield from check_delay(hand, sequence.object, sequence.fps)
 

@@ -56,8 +56,8 @@ def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
     return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
 
 
-def check_hand(hand: HandTrack) -> Iterator[str]:
-    """All that is doubtful about a hand by itself."""
+def check_anatomy(hand: HandTrack) -> Iterator[str]:
+    """Whether the numbers of a hand are those of a hand of its side, in OpenPose's order."""
     yield from check_depth(hand)
     yield from check_keypoint_order(hand)
     yield from check_finger_bend(hand)

@@ -44,6 +44,9 @@ COLLAPSED = 0.01
 """Metres within which all keypoints of a frame lie that holds no hand: some trackers write zeros
 where they found none."""
 
+IN_MM = 40
+"""Span of a hand from which on its numbers are millimetres: in centimetres it is half as much."""
+
 FLAT = 0.02
 """Share of the largest extent of the keypoints along an axis that the smallest is below where they
 lie in a plane, as those of a picture do; in the recording it is a fifth and more."""
@@ -136,27 +139,7 @@ def check_hand(hand: HandTrack, name: str) -> None:
                 f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
             )
     if hand.joints is not None:
-        span = float(hand_span(hand.joints[without_collapsed(hand).valid]))
-        if span > LARGEST_HAND:  # what has no confidence may be anywhere
-            sure = hand.joints.masked_fill(~(hand.trust > 0)[..., None], torch.nan)
-            span = max(float(hand_span(sure[hand.observed])), SMALLEST_HAND)
-        if span == 0:
-            raise InputError(
-                f"{name}: at least one frame must hold the {hand.side} hand, got all its keypoints "
-                "in one place; leave the hand out, or mark frames that hold it"
-            )
-        if not SMALLEST_HAND <= span <= LARGEST_HAND:
-            cure = "not metres, rescale"
-            if span > LARGEST_HAND:
-                cure = "millimetres, divide by 1000" if span > 40 else "centimetres, divide by 100"
-                unit = "mm" if span > 40 else "cm"
-                cure += f"; files of bare keypoints take --keypoint-unit {unit}"
-                if lies_flat(hand.joints[hand.valid]):
-                    cure += "; or like pixels, as all lie in a plane: give 3D keypoints"
-            raise InputError(
-                f"{name}: the joints of the {hand.side} hand must be in metres and span "
-                f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"
-            )
+        check_size(hand, hand.joints, name)
     if hand.joints is not None and hand.wrist is not None:
         apart = (hand.wrist - hand.joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
         if len(apart) and float(apart.median()) > WRIST_APART:
@@ -180,6 +163,33 @@ def check_hand(hand: HandTrack, name: str) -> None:
                 f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
                 f"{float(lengths.max()):.3g}; divide each by its length"
             )
+
+
+def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> None:
+    """Refuse keypoints that are all in one place, or no hand in metres."""
+    span = float(hand_span(joints[without_collapsed(hand).valid]))
+    if span > LARGEST_HAND:  # what has no confidence may be anywhere
+        sure = joints.masked_fill(~(hand.trust > 0)[..., None], torch.nan)
+        span = max(float(hand_span(sure[hand.observed])), SMALLEST_HAND)
+    if span == 0:
+        raise InputError(
+            f"{name}: at least one frame must hold the {hand.side} hand, got all its keypoints in "
+            "one place; leave the hand out, or mark frames that hold it"
+        )
+    if SMALLEST_HAND <= span <= LARGEST_HAND:
+        return
+    cure = "not metres, rescale"
+    if span > LARGEST_HAND:
+        cure, unit = "centimetres, divide by 100", "cm"
+        if span > IN_MM:
+            cure, unit = "millimetres, divide by 1000", "mm"
+        cure += f"; files of bare keypoints take --keypoint-unit {unit}"
+        if lies_flat(joints[hand.valid]):
+            cure += "; or like pixels, as all lie in a plane: give 3D keypoints"
+    raise InputError(
+        f"{name}: the joints of the {hand.side} hand must be in metres and span "
+        f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"
+    )
 
 
 def lies_flat(joints: Float[Tensor, "T 21 3"]) -> bool:
