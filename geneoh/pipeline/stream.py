@@ -260,7 +260,8 @@ class Stream:
             )
         if hand.joints is not None:
             self._away_from_origin |= bool(hand.joints[:, 0].any())
-        return hand if bool(hand.confidence.any()) else None
+        is_seen = hand.confidence is None or bool(hand.confidence.any())
+        return hand if is_seen else None
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
         """The fields of the file format of one frame of a hand."""
