@@ -34,7 +34,7 @@ from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import with_rays
 from geneoh.pipeline.results import Denoised, HandResult
-from geneoh.pipeline.shots import common_shots, joined, told_of
+from geneoh.pipeline.shots import common_shots, cuts_in, joined, told_of
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
@@ -98,13 +98,15 @@ def denoise(
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, lost = without_faults(sequence)
+        cuts = cuts_in(sequence)
         # the fit of the paper finds one shape for all frames
-        shots, apart = common_shots(sequence), isinstance(options.resolved().fit, FitConfig)
-        told = (*collapsed_sentences(given), *exchange, *lost, *told_of(shots, apart=apart))
+        apart = isinstance(options.resolved().fit, FitConfig)
+        shots = common_shots(sequence, cuts if apart else [])
+        told = (*collapsed_sentences(given), *exchange, *lost, *told_of(cuts, shots))
         doubtful = (*told, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)
-        if len(shots) < 2 or not apart:
+        if len(shots) < 2:
             result = clean_interaction(sequence, options, on_progress)
         else:
             alike = with_one_shape(sequence, options)

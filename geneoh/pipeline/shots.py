@@ -16,8 +16,14 @@ from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.shots import shots_of
 
 
-def common_shots(sequence: Sequence) -> list[slice]:
-    """The shots of all hands: where one of them leaps, all are cut.
+def cuts_in(sequence: Sequence) -> list[int]:
+    """The first frames of shots: where one of the hands leaps, all are cut."""
+    cuts = {shot.start for hand in sequence.hands for shot in shots_of(hand, sequence.fps)}
+    return sorted(cuts - {0})
+
+
+def common_shots(sequence: Sequence, cuts: list[int]) -> list[slice]:
+    """The shots between cuts that can be cleaned by themselves, which are joined where one cannot.
 
     Every hand is observed in each of them, and so is an object that is observed at all.
     """
@@ -27,26 +33,29 @@ def common_shots(sequence: Sequence) -> list[slice]:
         hands = all(bool(hand.observed.any()) for hand in part.hands)
         return hands and part.object.is_seen == sequence.object.is_seen
 
-    cuts = {shot.start for hand in sequence.hands for shot in shots_of(hand, sequence.fps)}
     starts, stop = [0], sequence.frames
-    for cut in sorted(cuts - {0}):
+    for cut in cuts:
         if is_whole(slice(starts[-1], cut)) and is_whole(slice(cut, stop)):
             starts.append(cut)
     return [slice(start, end) for start, end in pairwise([*starts, stop])]
 
 
-def told_of(shots: list[slice], *, apart: bool) -> Iterator[str]:
-    """What a user should know of cuts; `apart` says whether each shot is cleaned by itself."""
-    if len(shots) < 2:
-        return
-    where = ", ".join(str(shot.start) for shot in shots[1:])
-    cure = "each shot is cleaned by itself"
-    if not apart:
-        cure = "frames beside it may be mixed; clean each shot by itself, in a file of its own"
-    yield (
-        f"cuts: a hand leaps to another place before frame {shortened(where, 60)}, as at a cut of "
-        f"the video: {cure}"
-    )
+def told_of(cuts: list[int], shots: list[slice]) -> Iterator[str]:
+    """What a user should know of cuts, between which `shots` are cleaned by themselves."""
+    apart = {shot.start for shot in shots}
+    for cure, where in (
+        ("each shot is cleaned by itself", [cut for cut in cuts if cut in apart]),
+        (
+            "frames beside it may be mixed; clean each shot by itself, in a file of its own with "
+            "the hands that it shows",
+            [cut for cut in cuts if cut not in apart],
+        ),
+    ):
+        if where:
+            yield (
+                "cuts: a hand leaps to another place before frame "
+                f"{shortened(', '.join(map(str, where)), 60)}, as at a cut of the video: {cure}"
+            )
 
 
 def joined(parts: list[Denoised], shots: list[slice]) -> Denoised:
