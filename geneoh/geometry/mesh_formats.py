@@ -11,10 +11,11 @@ from geneoh.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-ZERO = re.compile(rb"^[ \t]*f[ \t](?:.*[ \t])?0(?=[/\s]|\Z)", re.MULTILINE)
+ZERO = re.compile(rb"^[ \t]*f[ \t](?:[^\n#]*[ \t])?0(?=[/\s]|\Z)", re.MULTILINE)
 """A face of an OBJ file that has a point of number 0."""
 BACKWARD = re.compile(rb"^[ \t]*f\b.*-", re.MULTILINE)
-INDENTED = re.compile(rb"^[ \t]+[vf]", re.MULTILINE)
+UNUSUAL = re.compile(rb"^[ \t]*[vf][^\n\t#]*[\t#][^\n]*|^[ \t]+[vf][^\n]*|\r(?!\n)", re.MULTILINE)
+"""A line of points or faces with indentation, tabs or a comment, or an end of lines of old Macs."""
 
 
 def refuse_packed(data: bytes) -> None:
@@ -58,23 +59,24 @@ def as_utf8(text: bytes) -> bytes:
 
 
 def obj_for_trimesh(path: Path, data: bytes) -> bytes:
-    """An OBJ file as trimesh reads it right: without the mark that some programs begin UTF-8 with,
-    without indentation, and with faces that count their points from the first.
+    """An OBJ file as trimesh reads it, where it would take this one for another mesh, or for none.
 
-    trimesh counts backward from the end of the file, and not from the face. It takes 0 for the last
-    point, which is refused.
+    Without the mark that some programs begin UTF-8 with, without indentation, tabs and comments
+    behind numbers, with ends of lines that it knows, and with faces that count their points from
+    the first: trimesh counts backward from the end of the file, and not from the face. It takes 0
+    for the last point: that is refused.
     """
-    if ZERO.search(data):
+    plain = data
+    if data.startswith(codecs.BOM_UTF8) or UNUSUAL.search(data) or BACKWARD.search(data):
+        text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        plain = UNUSUAL.sub(told_plainly, text.replace(b"\\\n", b" "))
+    if ZERO.search(plain):
         raise InputError(
             f"{path}: faces of an OBJ must count points from 1, got a point 0; add 1 to each"
         )
-    marked, backward = data.startswith(codecs.BOM_UTF8), BACKWARD.search(data)
-    if not (marked or backward or INDENTED.search(data)):
-        return data
-    text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r", b"").replace(b"\\\n", b" ")
-    lines = [line.lstrip() for line in text.split(b"\n")]
-    if not backward:
-        return b"\n".join(lines)
+    if not BACKWARD.search(plain):
+        return plain
+    lines = plain.split(b"\n")
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     for at, line in enumerate(lines):
         kind, *words = line.split() or [b""]
@@ -85,6 +87,11 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
             each = (b"/".join(map(from_first, *corner)) for corner in corners)
             lines[at] = b"f " + b" ".join(each)
     return b"\n".join(lines)
+
+
+def told_plainly(line: re.Match[bytes]) -> bytes:
+    """A line without what trimesh does not read."""
+    return line[0].partition(b"#")[0].replace(b"\t", b" ").lstrip()
 
 
 def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:

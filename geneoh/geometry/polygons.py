@@ -22,7 +22,7 @@ OUTSIDE = 1e-3
 
 def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
     """Points and faces of an OBJ file; None where all faces are triangles."""
-    lines = data.replace(b"\\\n", b" ").split(b"\n")
+    lines = data.replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
     faces = [line[2:].split() for line in lines if line[:2] in (b"f ", b"f\t")]
     if all(len(face) <= 3 for face in faces):
         return None

@@ -261,9 +261,15 @@ def test_faces_without_a_notch_are_cut_as_ever(bend, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content", [b"\xef\xbb\xbf" + TRIANGLES, TRIANGLES.replace(b"\n", b"\n\t ")]
+    "content",
+    [
+        b"\xef\xbb\xbf" + TRIANGLES,
+        TRIANGLES.replace(b"\n", b"\n\t "),
+        TRIANGLES.replace(b"\n", b" # 0 -1\n"),
+        TRIANGLES.replace(b"\n", b"\r"),
+    ],
 )
-def test_an_obj_may_have_a_mark_of_utf8_or_indentation(content, tmp_path):
+def test_an_obj_may_be_written_in_an_unusual_way(content, tmp_path):
     (tmp_path / "other.obj").write_bytes(content)
     (tmp_path / "plain.obj").write_bytes(TRIANGLES)
     other, plain = (load_mesh(tmp_path / name) for name in ("other.obj", "plain.obj"))
@@ -281,6 +287,14 @@ def test_a_text_of_fewer_faces_than_it_says_is_refused(ball, suffix, encoding, l
     path.write_text("\n".join(kept))
     with pytest.raises(InputError, match=r"the file breaks off, .* copy or export it again"):
         load_mesh(path)
+
+
+@pytest.mark.parametrize(("usual", "other"), [(b"\n", b"\r\n"), (b" ", b"\t")])
+def test_polygons_may_go_on_in_another_line_of_windows_or_have_tabs(usual, other, tmp_path):
+    corners = b"v 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\nv 0.1 0.1 0.1\n"
+    text = corners + b"f 1 2 \\\n 3 4\nf 1 2 3 5\n"
+    (tmp_path / "other.obj").write_bytes(text.replace(usual, other))
+    assert len(load_mesh(tmp_path / "other.obj").faces) == 4
 
 
 @pytest.mark.parametrize("face", ["f 0 1 2", "f 0/1 1/2 2/3", "f 1 2 0"])
