@@ -78,7 +78,8 @@ class Bundle:
                 "indices may run backward, such as torch.arange(n - 1, -1, -1) of n entries"
             )
         if not isinstance(index, slice | Tensor):
-            index = torch.from_numpy(np.array(index))  # a copy, as torch takes no reversed array
+            entries = np.array(index)  # a copy, as torch takes no reversed array
+            index = torch.from_numpy(entries if entries.size else entries.astype(np.int64))
         # numpy takes a tensor of one entry for a number, which would remove the axis
         of_array = index.cpu().numpy() if isinstance(index, Tensor) else index
 

@@ -50,6 +50,7 @@ def test_a_mask_and_indices_choose_frames_too(outer):
     backward = np.array([5, 3, 0])[::-1]
     for index in (mask, torch.tensor([0, 3, 5]), np.array([0, 3, 5]), [0, 3, 5], backward):
         assert torch.equal(outer[index].inner[0].moving, outer.inner[0].moving[:, [0, 3, 5]])
+    assert outer[[]].inner[0].moving.shape[1] == 0
 
 
 @pytest.mark.parametrize("index", [torch.tensor([4]), torch.arange(T) == 4])

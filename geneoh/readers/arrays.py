@@ -113,12 +113,14 @@ def check_times(values: dict[str, Any], source: str) -> None:
 
 
 def array_of(value: Any) -> Any:
-    """A tensor, an array or nested lists as a numpy array; lists of other lengths as they are."""
+    """A tensor, an array or nested lists as a numpy array; lists with other lengths or None as they
+    are."""
     if isinstance(value, Tensor):
         # numpy has no bfloat16
         value = value.float() if value.dtype == torch.bfloat16 else value
         return value.detach().cpu().numpy()
     try:
-        return np.asarray(unmasked(value))
+        array = np.asarray(unmasked(value))
     except ValueError:
         return value
+    return value if array.dtype == object and isinstance(value, list) else array

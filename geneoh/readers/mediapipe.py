@@ -7,7 +7,9 @@ landmarks are read in `geneoh.readers.landmark_tables`.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, pairwise
+from operator import itemgetter
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,9 @@ OF_SIDE: dict[Side, tuple[str, str]] = {
 }
 """Fields of the Holistic Landmarker, which tells the hands apart by the body."""
 LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
+
+APART = 10
+"""Frames between results beyond which numbers are their times: so few results show no motion."""
 
 NOTES = (
     "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
@@ -78,13 +83,15 @@ def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
 
 
 def frames_in(value: Any) -> list[Any]:
-    """The results in a JSON value, one a frame: in a list, or by the numbers of their frames.
-
-    Each may stand under "result" beside its time.
+    """The results in a JSON value, one a frame: in a list, or by their numbers, or by their times in
+    whole milliseconds or smaller units. Each may stand under "result" beside its time.
     """
     if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
-        by_number = sorted((int(number), result or {}) for number, result in value.items())
-        value = [{"frame": at, **result} for at, result in by_number if isinstance(result, dict)]
+        numbers = ((int(number), result or {}) for number, result in value.items())
+        given = sorted(numbers, key=itemgetter(0))
+        steps = [after - before for (before, _), (after, _) in pairwise(given)]
+        name = "timestamp" if steps and median(steps) > APART else "frame"
+        value = [{name: n, **result} for n, result in given if isinstance(result, dict)]
     elif isinstance(value, dict):
         value = next((value[name] for name in LISTS if name in value), [value])
     return [

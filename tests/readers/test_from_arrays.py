@@ -126,3 +126,10 @@ def test_bfloat16_is_read_as_the_numbers_that_it_holds(arrays):
     half = torch.from_numpy(arrays["left_joints"]).bfloat16()
     (hand,) = geneoh.from_arrays(**arrays | {"left_joints": half}, fps=30, meshes=MESH).hands
     assert torch.equal(hand.joints[hand.valid], half.float()[hand.valid])
+
+
+def test_none_for_a_coordinate_in_lists_is_nan(arrays):
+    joints = arrays["left_joints"][:3].tolist()
+    joints[1][4][2] = None
+    (hand,) = geneoh.from_arrays(left_joints=joints, fps=30).hands
+    assert hand.confidence[:, 4].tolist() == [1, 0, 1]

@@ -111,6 +111,13 @@ def test_results_by_the_numbers_of_their_frames_keep_those_that_are_left_out(rea
     np.testing.assert_allclose(hand.joints[list(numbers)], POINTS, atol=1e-6)
 
 
+@pytest.mark.parametrize(("fps", "unit"), [(30, 1e3), (60, 1e3), (25, 1e3), (30, 1e6)])
+def test_results_by_their_times_have_the_rate_of_these(fps, unit, read):
+    times = [round(k * unit / fps) for k in range(FRAMES)]
+    results = {str(time): python_task(POINTS[k]) for k, time in enumerate(times)}
+    assert read(results).fps == pytest.approx(fps, rel=1e-3)
+
+
 def test_the_rate_beside_results_is_read_and_another_one_refused(read):
     results = {"fps": 60, "frames": [python_task(points) for points in POINTS]}
     sequence = read(results)
