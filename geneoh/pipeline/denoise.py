@@ -34,7 +34,7 @@ from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import with_rays
 from geneoh.pipeline.results import Denoised, HandResult
-from geneoh.pipeline.shots import common_shots, cuts_in, joined, told_of
+from geneoh.pipeline.shots import common_shots, joined, told_of
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
@@ -98,11 +98,10 @@ def denoise(
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, lost = without_faults(sequence)
-        cuts = cuts_in(sequence)
-        # the fit of the paper finds one shape for all frames
-        apart = isinstance(options.resolved().fit, FitConfig)
-        shots = common_shots(sequence, cuts if apart else [])
-        told = (*collapsed_sentences(given), *exchange, *lost, *told_of(cuts, shots))
+        shots = [slice(0, sequence.frames)]
+        if isinstance(options.resolved().fit, FitConfig):  # the paper's finds one shape for all
+            shots = common_shots(sequence)
+        told = (*collapsed_sentences(given), *exchange, *lost, *told_of(sequence, shots))
         doubtful = (*told, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)

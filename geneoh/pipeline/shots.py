@@ -22,8 +22,8 @@ def cuts_in(sequence: Sequence) -> list[int]:
     return sorted(cuts - {0})
 
 
-def common_shots(sequence: Sequence, cuts: list[int]) -> list[slice]:
-    """The shots between cuts that can be cleaned by themselves, which are joined where one cannot.
+def common_shots(sequence: Sequence) -> list[slice]:
+    """The shots between cuts that can be cleaned by themselves; others are joined.
 
     Every hand is observed in each of them, and so is an object that is observed at all.
     """
@@ -34,21 +34,21 @@ def common_shots(sequence: Sequence, cuts: list[int]) -> list[slice]:
         return hands and part.object.is_seen == sequence.object.is_seen
 
     starts, stop = [0], sequence.frames
-    for cut in cuts:
+    for cut in cuts_in(sequence):
         if is_whole(slice(starts[-1], cut)) and is_whole(slice(cut, stop)):
             starts.append(cut)
     return [slice(start, end) for start, end in pairwise([*starts, stop])]
 
 
-def told_of(cuts: list[int], shots: list[slice]) -> Iterator[str]:
+def told_of(sequence: Sequence, shots: list[slice]) -> Iterator[str]:
     """What a user should know of cuts, between which `shots` are cleaned by themselves."""
-    apart = {shot.start for shot in shots}
-    for cure, where in (
-        ("each shot is cleaned by itself", [cut for cut in cuts if cut in apart]),
+    within = [shot.start + cut for shot in shots for cut in cuts_in(sequence[shot])]
+    for where, cure in (
+        ([shot.start for shot in shots[1:]], "each shot is cleaned by itself"),
         (
+            within,
             "frames beside it may be mixed; clean each shot by itself, in a file of its own with "
             "the hands that it shows",
-            [cut for cut in cuts if cut not in apart],
         ),
     ):
         if where:

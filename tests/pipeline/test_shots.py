@@ -10,7 +10,7 @@ from geneoh.bundle import concatenated
 from geneoh.metrics.report import InteractionReport, over_shots
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.results import Denoised
-from geneoh.pipeline.shots import common_shots, cuts_in, told_of
+from geneoh.pipeline.shots import common_shots, told_of
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 CUT, FRAMES = 45, 90
@@ -67,18 +67,22 @@ def test_the_form_of_the_paper_keeps_one_shape_and_tells_of_cuts(video, monkeypa
 
 
 def test_a_hand_is_in_every_shot_and_other_cuts_are_told(video):
-    cuts = cuts_in(video)
-    assert common_shots(video, cuts) == [slice(0, CUT), slice(CUT, FRAMES)]
+    shots = [slice(0, CUT), slice(CUT, FRAMES)]
+    assert common_shots(video) == shots
     (hand,) = video.hands
     late = torch.arange(FRAMES) >= CUT
     other = replace(video, hands=(hand, replace(hand.mirrored(), valid=late)))
     lost = replace(video, object=replace(video.object, valid=late[:, None]))
     for given in (other, lost):
-        assert cuts_in(given) == cuts
-        shots = common_shots(given, cuts)
-        assert shots == [slice(0, FRAMES)]
-        (words,) = told_of(cuts, shots)
+        assert common_shots(given) == [slice(0, FRAMES)]
+        (words,) = told_of(given, common_shots(given))
         assert f"before frame {CUT}, as at a cut of the video: frames beside it may be" in words
+    # lost behind the cut it comes back as if it were cut later
+    found = (torch.arange(FRAMES) < CUT) | (torch.arange(FRAMES) >= CUT + 2)
+    other = replace(video, hands=(hand, replace(hand.mirrored(), valid=found)))
+    assert common_shots(other) == shots
+    (words,) = told_of(other, shots)
+    assert words.endswith("each shot is cleaned by itself")
 
 
 def test_reports_of_shots_are_means_over_their_frames():
