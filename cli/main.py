@@ -98,6 +98,8 @@ class LazyGroup(click.Group):
             message = error.format_message().rstrip(".")
             if "extra argument" in message:
                 message += f"; {about_extra(message)}"
+            if command.endswith("convert") and "'--from'" in message:
+                message = "No such option '--from'; name the source first, then the paths"
             raise failed(f"{message}; see `{command} --help`", error.exit_code) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise

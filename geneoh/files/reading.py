@@ -110,4 +110,7 @@ def unreadable(path: Path, error: OSError) -> InputError:
     """The error for a file that the system does not give."""
     if isinstance(error, FileNotFoundError):
         return InputError(f"{path}: no such file; check the path")
-    return InputError(f"{path}: cannot be read ({error.strerror}); check the path")
+    cure = "check the path"
+    if isinstance(error, IsADirectoryError):
+        cure = "name a file in it, or say with --from whose data it is"
+    return InputError(f"{path}: cannot be read ({error.strerror}); {cure}")

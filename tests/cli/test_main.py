@@ -71,6 +71,7 @@ def test_debug_lets_the_traceback_through(geneoh, failing):
         (["generate", "lift", "--obj", "a.obj", "--obj", "b.obj"], "got it 2 times"),
         (["corrupt", "a.npz", "."], "a mesh goes after --obj, and `geneoh batch` cleans many"),
         (["bench", "--plot", "a.png", "--plot", "b.png"], "--plot takes one value, got it 2 times"),
+        (["convert", "--from", "hot3d", "."], "name the source first"),
     ],
 )
 def test_wrong_usage_is_one_line_that_points_to_help(geneoh, arguments, words):

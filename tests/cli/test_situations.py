@@ -246,7 +246,9 @@ def own_layout(folder: Path) -> None:
 
 SITUATIONS = [
     # The file
-    Situation("A folder is given", "Is a directory", command="denoise . --obj object.obj -o x.npz"),
+    Situation(
+        "A folder is given", "Is a directory ... say with --from whose data", command="denoise ."
+    ),
     Situation("The file is empty", "hand.npz", text("hand.npz", "")),
     Situation("The file is a text", "expected an npz", text("hand.npz", "frame,x,y,z\n")),
     Situation("A pipe is given", "pipe", lambda f: os.mkfifo(f / "p.npz"), "denoise p.npz"),
