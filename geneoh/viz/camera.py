@@ -14,7 +14,8 @@ from scipy.ndimage import gaussian_filter1d
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.readers.bodies.base import BodyRecording
-from geneoh.sequence.sequence import ObjectTrack
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.shots import shots_of
 from geneoh.viz.raster import rasterise
 from geneoh.viz.scene import DrawnSurface, Scene
 
@@ -143,7 +144,7 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
 
 
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
-    """What the camera looks at: near the hands, towards the object; smooth over the frames."""
+    """What the camera looks at: near the hands, towards the object; smooth over each shot."""
     hands = [hand for version in scene.versions for hand in version.hands]
     seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
     centre = torch.cat(seen, dim=1).nanmean(1).numpy()
@@ -155,7 +156,15 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
         centre = middle
     aside = np.zeros_like(centre) if middle is None else OBJECT_PULL * (middle - centre)
     aside *= np.minimum(1, MAX_OFFSET / np.linalg.norm(aside, axis=-1, keepdims=True).clip(1e-9))
-    return gaussian_filter1d(centre + aside, SMOOTHING * scene.fps, 0, mode="nearest")
+    shots = np.split(centre + aside, _cuts(scene))
+    smoothed = (gaussian_filter1d(s, SMOOTHING * scene.fps, 0, mode="nearest") for s in shots)
+    return np.concatenate(list(smoothed))
+
+
+def _cuts(scene: Scene) -> list[int]:
+    """The first frames of later shots of a video that was cut, to which the camera leaps."""
+    hands = [HandTrack(hand.side, hand.valid, hand.joints) for hand in scene.versions[-1].hands]
+    return sorted({shot.start for hand in hands for shot in shots_of(hand, scene.fps)} - {0})
 
 
 def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:

@@ -84,6 +84,20 @@ def test_the_camera_does_not_tremble_with_the_hand_nor_lose_it(scene):
     assert steps.max() < 0.003
 
 
+def test_the_camera_leaps_at_a_cut_as_the_hand_does(scene):
+    cut = scene.frames // 2
+    away = 5.0 * (torch.arange(scene.frames) >= cut)[:, None, None]
+    versions = tuple(
+        replace(v, hands=tuple(replace(hand, joints=hand.joints + away) for hand in v.hands))
+        for v in scene.versions
+    )
+    moved = replace(scene, versions=versions, fps=3.0)
+    path = [camera.target for camera in cameras(moved, UP)]
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=-1)
+    assert steps[cut - 1] > 8
+    assert np.delete(steps, cut - 1).max() < 0.1
+
+
 @pytest.mark.parametrize(
     ("colouring", "height"), [("spread", SCALE_HEIGHT), ("penetration", 0), ("plain", 0)]
 )
