@@ -21,6 +21,7 @@ from geneoh.errors import numbered
 from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
+from geneoh.pipeline.stray import without_strays
 from geneoh.readers.hand_checks import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import filled_keypoints, observed_around, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
@@ -31,11 +32,12 @@ from geneoh.sequence.windows import runs
 SHORTEST = 5
 """Observed frames below which nothing tells a fault from motion."""
 IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
-PLACE_CHANGE, TURN_CHANGE, LARGEST_TURN = 0.1, 1.0, 2.0
+PLACE_CHANGE, TURN_CHANGE = 0.1, 1.0
+LARGEST_PLACE, LARGEST_TURN = 0.25, 2.0
 """From one frame to the next the step of the palm may change by 10 cm and its turn by 57 degrees at
-30 frames a second, more at fewer, or by `BENDS` times its median change; and the turn by 115
-degrees at most. Noise that networks can mend stays below."""
-BENDS = 3.0
+30 frames a second, more at fewer, or by `BENDS` times the lower quartile of its changes; but by 25 cm (more at
+fewer) and 115 degrees at most. Noise that networks can mend stays below."""
+BENDS = 4.2
 SAME, LEAP = 2e-5, 0.003
 """Largest coordinate of a step, metres, in which points stand still but for rounding; and the mean
 length of steps at 30 frames a second from which to such a stop nothing slows down."""
@@ -69,7 +71,8 @@ def without_faults_of(
     hand: HandTrack, fps: float, motion: ObjectTrack | None = None
 ) -> tuple[HandTrack, tuple[str, ...]]:
     """One hand without its faults, and what a user should know of them."""
-    said: list[str] = []
+    hand, words = without_strays(hand)
+    said = list(words)
     for fault in faults(hand, fps, motion):
         if fault.of_fingers:
             hand, cure = with_other_fingers(hand, fault.frames), "got those of the frames around"
@@ -107,7 +110,7 @@ def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> It
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
-        few = find is repeated or 2 * int(wrong.sum()) < int(seen.sum())
+        few = find is repeated or 2 * int(wrong.sum()) <= int(seen.sum())
         if few and bool(wrong.any()):
             yield Fault(wrong, words, of_fingers)
             seen = seen & ~wrong
@@ -198,6 +201,7 @@ def displaced(track: Track) -> Bool[Tensor, " T"]:
     middles = [track.palm(joints).mean(1).double().cpu().numpy() for joints in track.views]
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
+    limit = min(limit, LARGEST_PLACE * max(1.0, 30 / track.fps))
     return track.in_all(middles, lambda middle: ~possible_places(middle, limit, track.fps))
 
 
@@ -218,7 +222,9 @@ def turned_over(track: Track) -> Bool[Tensor, " T"]:
 def change_limit(steps: Iterable[Float[np.ndarray, "N 3"]], change: float, fps: float) -> float:
     """How much a step may differ from the one before, radians or metres, where `steps` are those of
     one motion as several see it."""
-    usual = min(float(np.median(np.linalg.norm(np.diff(s, axis=0), axis=1))) for s in steps)
+    # a track that flickers between two hands leaps in more than half of its frames
+    changes = [np.linalg.norm(np.diff(step, axis=0), axis=1) for step in steps]
+    usual = min(float(np.quantile(change, 0.25)) for change in changes)
     return max(change * max(1.0, 30 / fps), BENDS * usual)
 
 

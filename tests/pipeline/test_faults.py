@@ -74,6 +74,14 @@ def test_hands_that_cannot_be_there_are_missing(noisy, wrong, words):
     assert said.endswith("7 frames: taken as missing")
 
 
+def test_of_two_hands_in_turn_one_is_kept(noisy):
+    joints, frames = noisy.hands[0].joints, torch.arange(noisy.frames)[:, None, None]
+    for other in (frames % 2 == 1, (frames % 10 < 2) | (frames % 10 == 5)):
+        mixed = torch.where(other, joints + torch.tensor([0.4, 0.0, 0.0]), joints)
+        lost = missing(with_hand(noisy, joints=mixed, pose=None, wrist=None, betas=None))
+        assert lost == other.flatten().nonzero()[:, 0].tolist()
+
+
 def test_a_frozen_hand_is_missing_but_for_its_first_frame(noisy):
     hand = noisy.hands[0]
     frames = torch.arange(noisy.frames)
@@ -151,8 +159,8 @@ def test_what_fills_gaps_repeats_no_frame(noisy):
 
 def test_keypoints_without_confidence_make_no_fault(noisy):
     joints, sure = noisy.hands[0].joints.clone(), torch.ones(noisy.frames, 21)
-    joints[::5, [0, 8]] += 0.5
-    sure[::5, [0, 8]] = 0.0
+    joints[::5, PALM] += 0.5
+    sure[::5, PALM] = 0.0
     keys = {"joints": joints, "pose": None, "wrist": None, "betas": None}
     assert missing(with_hand(noisy, confidence=sure, **keys)) == []
     assert missing(with_hand(noisy, **keys)) != []
