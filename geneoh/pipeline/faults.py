@@ -35,8 +35,8 @@ IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
 PLACE_CHANGE, TURN_CHANGE = 0.1, 1.0
 LARGEST_PLACE, LARGEST_TURN = 0.25, 2.0
 """From one frame to the next the step of the palm may change by 10 cm and its turn by 57 degrees at
-30 frames a second, more at fewer, or by `BENDS` times the lower quartile of its changes; but by 25 cm (more at
-fewer) and 115 degrees at most. Noise that networks can mend stays below."""
+30 frames a second, more at fewer, or by `BENDS` times the lower quartile of its changes; but by
+25 cm (more at fewer) and 115 degrees at most. Noise that networks can mend stays below."""
 BENDS = 4.2
 SAME, LEAP = 2e-5, 0.003
 """Largest coordinate of a step, metres, in which points stand still but for rounding; and the mean

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
 
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import JOINT_NAMES
@@ -29,9 +30,10 @@ OBJECT_PULL = 0.5  # how far from the hands to the object's middle the camera lo
 MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
 WHOLE_FRAMES = 0.98  # share of frames in which the hands are whole in the picture
 MARGIN = 1.04  # how much larger the picture is than what must be inside it
+NEARLY = 1.3  # how much farther off the camera goes so that nothing is cut that is nearly whole
 MAX_OBJECT = 0.12  # half the diagonal of the largest object that is whole in it, metres
 BODY_SEEN = ("head", "left_wrist", "right_wrist", "left_shoulder", "right_shoulder", "spine2")
-"""Joints of a body that are in the picture."""
+"""Joints of a body that are in the picture; its feet too, where it is little larger with them."""
 BODY_TURN, BODY_ABOVE = 0.45, 0.15  # radians aside of the front; above the horizontal
 BODY_SMOOTHING = 1.0  # seconds of the filter on the path of a camera that follows a body
 HAND_ROOM = 0.22  # room around wrists and head for hands and skull, metres
@@ -87,7 +89,6 @@ def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
 def _body_cameras(scene: Scene, body: BodyRecording, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     """Cameras in front of a body, a little aside, that see it from the hands to the head."""
     posed = pose(body.skeleton, body.file_motion)
-    seen = posed.positions[:, [JOINT_NAMES.index(name) for name in BODY_SEEN]].numpy()
     front = posed.rotations[:, JOINT_NAMES.index("spine3"), :, 2].mean(0).numpy()
     front = front - (front @ up) * up
     if np.linalg.norm(front) < 0.1:  # one who turns all around, or lies
@@ -96,11 +97,22 @@ def _body_cameras(scene: Scene, body: BodyRecording, up: Float[np.ndarray, " 3"]
     aside = np.cross(up, front)
     back = np.cos(BODY_TURN) * front + np.sin(BODY_TURN) * aside + BODY_ABOVE * up
     axes = axes_towards(back, up)
+    whole, above = (
+        _path_around(posed.positions[:, list(map(JOINT_NAMES.index, names))].numpy(), axes, scene)
+        for names in ((*BODY_SEEN, "left_foot", "right_foot"), BODY_SEEN)
+    )
+    targets, radius = whole if whole[1] < NEARLY * above[1] else above
+    return [Camera(axes, np.asarray(target), radius) for target in targets]
+
+
+def _path_around(
+    seen: Float[np.ndarray, "T N 3"], axes: Axes, scene: Scene
+) -> tuple[Float[np.ndarray, "T 3"], float]:
+    """Targets and radius of a camera that sees some joints of a body, with room around them."""
     middle = (seen.max(1) + seen.min(1)) / 2
     targets = gaussian_filter1d(middle, BODY_SMOOTHING * scene.fps, 0, mode="nearest")
     offsets = (seen - targets[:, None]) @ axes.T
-    radius = float(np.abs(offsets[..., :2]).max()) + HAND_ROOM
-    return [Camera(axes, np.asarray(target), radius) for target in targets]
+    return targets, float(np.abs(offsets[..., :2]).max()) + HAND_ROOM
 
 
 def _best_axes(
@@ -176,12 +188,37 @@ def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:
 
 def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
     """Radius with which a camera of these axes sees the hands around the targets, metres."""
-    half, middle = FIELD_OF_VIEW / 2, torch.from_numpy(targets).float()[:, None]
     reach = torch.zeros(scene.frames)
     for hand in (hand for version in scene.versions for hand in version.hands):
-        aside = (hand.verts - middle) @ torch.from_numpy(axes).float().T
-        # what is nearer to the eye by `aside[2]` is seen larger
-        needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
-        reach = torch.maximum(reach, needed.amax(-1).where(hand.valid, reach))
+        needed = _reach(hand.verts, targets, axes)
+        reach = torch.maximum(reach, needed.where(hand.valid, reach))
     sizes = [float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes] or [0.0]
-    return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))
+    radius = max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))
+    return MARGIN * _with_what_is_cut(radius, _object_reach(scene.object, targets, axes))
+
+
+def _with_what_is_cut(radius: float, whole: float) -> float:
+    """The radius with which something is whole that is nearly so, metres."""
+    return whole if radius < whole < NEARLY * radius else radius
+
+
+def _object_reach(motion: ObjectTrack, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
+    """Radius with which the object's parts are whole in nearly all frames, metres."""
+    reach = torch.zeros(len(targets))
+    for part, mesh in enumerate(motion.meshes):
+        ends = torch.stack([mesh.verts.amin(0), mesh.verts.amax(0)])
+        corners = torch.cartesian_prod(*ends.T)
+        placed = corners @ motion.rotation[:, part].mT + motion.translation[:, part, None]
+        reach = torch.maximum(reach, _reach(placed, targets, axes))
+    return float(reach.quantile(WHOLE_FRAMES))
+
+
+def _reach(
+    points: Float[Tensor, "T N 3"], targets: Float[np.ndarray, "T 3"], axes: Axes
+) -> Float[Tensor, " T"]:
+    """Radius with which a camera sees all points of each frame, metres."""
+    half, middle = FIELD_OF_VIEW / 2, torch.from_numpy(targets).float()[:, None]
+    aside = (points - middle) @ torch.from_numpy(axes).float().T
+    # what is nearer to the eye by `aside[2]` is seen larger
+    needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
+    return needed.amax(-1)

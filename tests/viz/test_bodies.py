@@ -57,6 +57,8 @@ def test_the_camera_sees_head_and_hands_upright_from_the_front(body, file):
         seen = camera.project(joints[frame, [15, 20, 21]], (100, 100))
         assert ((seen[:, :2] > 0) & (seen[:, :2] < 100)).all()
         assert seen[0, 1] < seen[1:, 1].max()
+        feet = camera.project(joints[frame, [10, 11]], (100, 100))[:, :2]
+        assert ((feet > 0) & (feet < 100)).all()
         front = pose(body.skeleton, body.file_motion).rotations[frame, 9, :, 2].numpy()
         assert camera.axes[2] @ front > 0.5
 

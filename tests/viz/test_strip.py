@@ -111,3 +111,15 @@ def test_of_hands_without_an_object_the_spread_alone_has_a_scale(scene, colourin
 def test_a_frame_that_is_not_there_is_refused(scene):
     with pytest.raises(InputError, match="from 0 to 5, got 6"):
         filmstrip(scene, Look(frames=(6,), cell=64))
+
+
+def test_an_object_that_is_nearly_whole_is_not_cut(scene):
+    far = scene.object.translation.clone()
+    far[:, 1, 0] += 0.18
+    aside = replace(scene, object=replace(scene.object, translation=far))
+    mesh = aside.object.meshes[1]
+    for frame, camera in enumerate(cameras(aside, UP)):
+        placed = (mesh.verts + far[frame, 1]).numpy().astype(float)
+        seen = camera.project(placed, (200, 200))[:, :2]
+        assert seen.min() > 0
+        assert seen.max() < 200
