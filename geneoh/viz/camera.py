@@ -30,7 +30,7 @@ OBJECT_PULL = 0.5  # how far from the hands to the object's middle the camera lo
 MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
 WHOLE_FRAMES = 0.98  # share of frames in which the hands are whole in the picture
 MARGIN = 1.04  # how much larger the picture is than what must be inside it
-NEARLY = 1.3  # how much farther off the camera goes so that nothing is cut that is nearly whole
+NEARLY = 1.4  # how much farther off the camera goes so that nothing is cut that is nearly whole
 MAX_OBJECT = 0.12  # half the diagonal of the largest object that is whole in it, metres
 BODY_SEEN = ("head", "left_wrist", "right_wrist", "left_shoulder", "right_shoulder", "spine2")
 """Joints of a body that are in the picture; its feet too, where it is little larger with them."""
@@ -82,7 +82,9 @@ def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
         return _body_cameras(scene, scene.body, up)
     targets = _targets(scene)
     axes = _best_axes(scene, up, targets, _radius(scene, targets, np.eye(3)))
-    radius = _radius(scene, targets, axes)
+    radius, whole = _radius(scene, targets, axes), _object_reach(scene.object, targets, axes)
+    if radius < MARGIN * whole < NEARLY * radius:
+        radius = MARGIN * whole
     return [Camera(axes, target, radius) for target in targets]
 
 
@@ -193,13 +195,7 @@ def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> floa
         needed = _reach(hand.verts, targets, axes)
         reach = torch.maximum(reach, needed.where(hand.valid, reach))
     sizes = [float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes] or [0.0]
-    radius = max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))
-    return MARGIN * _with_what_is_cut(radius, _object_reach(scene.object, targets, axes))
-
-
-def _with_what_is_cut(radius: float, whole: float) -> float:
-    """The radius with which something is whole that is nearly so, metres."""
-    return whole if radius < whole < NEARLY * radius else radius
+    return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))
 
 
 def _object_reach(motion: ObjectTrack, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:

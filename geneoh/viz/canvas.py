@@ -24,6 +24,9 @@ RAMP_SIZE = (120, 12)  # width and height of a ramp in pixels
 SCALE_LEFT = 12  # pixels from the left edge to the title of a ramp
 STRIP_FRAMES = 5
 STRIP_GAP = 10  # between two pictures of a filmstrip, pixels
+LEAST_COLUMN, MAX_TITLE = 170, 800
+"""Widths that the caption of a small picture takes, and that the title of a narrow filmstrip may
+take, pixels."""
 
 
 class Canvas:
@@ -57,7 +60,7 @@ class Canvas:
         for version, picture, (left, top) in zip(scene.versions, pictures, corners, strict=True):
             depth = float(version.measures.depth[frame].nan_to_num())
             words = f"{1000 * depth:.1f} mm deep" if depth > 0 else "not inside"
-            words = f"{frame / scene.fps:.1f} s   {words if scene.has_object else ''}"
+            words = f"{frame / scene.fps:.2f} s   {words if scene.has_object else ''}"
             self.paste(picture, left, top)
             self.write(words, left + 12, top + cell + 2, size=size, colour=FAINT)
 
@@ -66,7 +69,7 @@ class Canvas:
         scale, (width, height) = SCALES[colouring], RAMP_SIZE
         words = f"{scale.title}   {scale.labels[0]}"
         self.write(words, SCALE_LEFT, top)
-        start = SCALE_LEFT + int(self._pen.textlength(words, ImageFont.load_default(13))) + 8
+        start = SCALE_LEFT + width_of(words) + 8
         colours = scale.colours(np.linspace(0, 1, width, dtype=np.float32))
         ramp = np.broadcast_to((colours * 255).astype(np.uint8), (height, width, 3))
         self.paste(np.ascontiguousarray(ramp), start, top + 3)
@@ -75,6 +78,18 @@ class Canvas:
     def picture(self) -> Picture:
         """The pixels."""
         return np.asarray(self._image)
+
+
+def width_of(words: str, size: int = 13) -> int:
+    """Width of a line of text, in pixels."""
+    return int(ImageFont.load_default(size).getlength(words)) + 1
+
+
+def scale_width(colouring: Colouring) -> int:
+    """Width of what `Canvas.draw_scale` draws, from the left edge on, in pixels."""
+    scale = SCALES[colouring]
+    words = f"{scale.title}   {scale.labels[0]}{scale.labels[1]}"
+    return 2 * SCALE_LEFT + width_of(words) + RAMP_SIZE[0] + 16
 
 
 def png_bytes(picture: Picture) -> bytes:
@@ -90,10 +105,13 @@ def filmstrip(scene: Scene, look: Look = DEFAULT_LOOK, on_step: OnStep | None = 
     refuse_frames(scene, look.frames)
     frames = look.frames or spread_frames(scene.frames, STRIP_FRAMES)
     seen, cell = cameras(scene, look.upward), look.cell
-    row, column = TITLE_HEIGHT + cell + CAPTION_HEIGHT, cell + STRIP_GAP
+    row = TITLE_HEIGHT + cell + CAPTION_HEIGHT
+    column = max(cell, LEAST_COLUMN if scene.has_object else 0) + STRIP_GAP
     height = row * len(scene.versions)
     scaled = scene.shows(look.colouring)
-    canvas = Canvas(column * len(frames) - STRIP_GAP, height + SCALE_HEIGHT * scaled)
+    widths = [column * len(frames) - STRIP_GAP, scale_width(look.colouring) if scaled else 0]
+    widths += [min(24 + width_of(version.title, 16), MAX_TITLE) for version in scene.versions]
+    canvas = Canvas(max(widths), height + SCALE_HEIGHT * scaled)
     for index, version in enumerate(scene.versions):
         canvas.write(version.title, 12, index * row + 8, size=16)
     for index, frame in enumerate(steps(frames, on_step)):

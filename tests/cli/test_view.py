@@ -13,7 +13,7 @@ from PIL import Image
 
 from geneoh import load, save
 from geneoh.errors import MissingAssetError
-from geneoh.viz.canvas import STRIP_GAP
+from geneoh.viz.canvas import LEAST_COLUMN, STRIP_GAP
 from geneoh.viz.look import STRIP_CELL
 from geneoh.viz.video import ffmpeg_path
 
@@ -133,7 +133,7 @@ def test_a_format_that_cannot_be_written_leaves_no_other_file(geneoh, folder, as
 
 def test_filmstrip_shows_the_frames_that_were_asked_for(geneoh, folder):
     geneoh(*VIEW, "-o", "strip.png", "--frame", 1, "--frame", 4, "--cell", 64)
-    assert width(folder / "strip.png") == 2 * 64 + STRIP_GAP
+    assert width(folder / "strip.png") == 2 * LEAST_COLUMN + STRIP_GAP
 
 
 def first_frames(source: Path, target: Path, count: int) -> None:

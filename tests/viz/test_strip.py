@@ -9,6 +9,7 @@ from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import (
     CAPTION_HEIGHT,
+    LEAST_COLUMN,
     SCALE_HEIGHT,
     STRIP_GAP,
     TITLE_HEIGHT,
@@ -23,10 +24,18 @@ def test_a_strip_has_a_row_for_each_version_and_a_cell_for_each_frame(scene):
     strip = filmstrip(scene, Look(frames=(0, 5), cell=64))
     assert strip.shape == (
         2 * (TITLE_HEIGHT + 64 + CAPTION_HEIGHT) + SCALE_HEIGHT,
-        2 * 64 + STRIP_GAP,
+        2 * LEAST_COLUMN + STRIP_GAP,
         3,
     )
     assert strip.dtype == np.uint8
+
+
+def test_the_words_of_a_narrow_strip_are_whole(scene):
+    for title in ("noisy", "a title that is longer than its picture"):
+        first = replace(scene.versions[0], title=title)
+        strip = filmstrip(replace(scene, versions=(first,)), Look(frames=(2,), cell=64))
+        # nothing is drawn at the right edge
+        assert (strip[:, -8:] == strip[0, -1]).all()
 
 
 def test_the_hand_that_sank_is_redder_than_the_one_that_did_not(scene):

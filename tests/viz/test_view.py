@@ -15,6 +15,7 @@ from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
+from geneoh.viz.canvas import LEAST_COLUMN
 from geneoh.viz.page import page_html
 from geneoh.viz.view import confidence_of, open_scene, view
 
@@ -71,7 +72,7 @@ def test_hands_at_an_object_whose_mesh_is_not_known_are_shown_alone(sequences, t
 def test_the_ending_names_the_format(sequences, tmp_path):
     written = view(sequences[1], str(tmp_path / "a.png"), frames=[0, 3], cell=64)
     with Image.open(written) as picture:
-        assert picture.width == 2 * 64 + 10
+        assert picture.width == 2 * LEAST_COLUMN + 10
 
 
 def test_without_a_path_a_page_is_opened_in_the_browser(sequences, tmp_path, monkeypatch):
