@@ -332,6 +332,12 @@ SITUATIONS = [
         code=0,
     ),
     Situation(
+        "A single keypoint is apart from its hand",
+        "the left hand has 1 keypoint apart from it in 1 frame: taken as missing",
+        with_faulty_frame(lambda joints: joints[5] + 0.1 * (np.arange(21)[:, None] == 8)),
+        code=0,
+    ),
+    Situation(
         "The hand is turned over in a frame",
         "the left hand is turned as no motion turns it in 1 frame: taken as missing",
         with_faulty_frame(
