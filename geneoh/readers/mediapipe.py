@@ -83,8 +83,9 @@ def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
 
 
 def frames_in(value: Any) -> list[Any]:
-    """The results in a JSON value, one a frame: in a list, or by their numbers, or by their times in
-    whole milliseconds or smaller units. Each may stand under "result" beside its time.
+    """The results in a JSON value, one a frame: in a list, or by numbers or times of their frames.
+
+    Times are in whole milliseconds or smaller units. Each may stand under "result" beside its time.
     """
     if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
         numbers = ((int(number), result or {}) for number, result in value.items())
