@@ -318,18 +318,18 @@ def test_keypoints_alone_and_lost_objects_are_cleaned(noisy, clean):
 
 @pytest.mark.parametrize(("fps", "apart"), [(30, 0.0), (25, 0.003)])
 def test_keypoints_without_confidence_are_a_lost_hand(noisy, fps, apart):
-    clip, found = noisy[:60], []
+    clip, found = noisy[:40], []
     for lost in (False, True):
         stream, frames = Stream(clip.object.meshes, fps, side="left"), []
-        for frame in range(60):
+        for frame in range(40):
             joints, sure = clip.hands[0].joints[frame], torch.ones(21)
-            if 30 <= frame < 36:
+            if 20 <= frame < 26:
                 joints, sure = joints + 0.2, torch.zeros(21)
             hand = None if lost and not bool(sure.any()) else {"joints": joints, "confidence": sure}
             pose = clip.object.rotation[frame], clip.object.translation[frame]
             frames.append(stream.push(hand, pose))
         made = [frame for frame in frames if frame] + stream.flush()
-        assert [frame.index for frame in made if frame.filled] == list(range(30, 36))
+        assert [frame.index for frame in made if frame.filled] == list(range(20, 26))
         found.append(joints_of(made))
     torch.testing.assert_close(*found, atol=apart, rtol=0)
 
