@@ -30,6 +30,7 @@ OBJECT_PULL = 0.5  # how far from the hands to the object's middle the camera lo
 MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
 WHOLE_FRAMES = 0.98  # share of frames in which the hands are whole in the picture
 MARGIN = 1.04  # how much larger the picture is than what must be inside it
+OUTLINE = 256  # vertices of a part of the object that tell how far it reaches
 NEARLY = 1.4  # how much farther off the camera goes so that nothing is cut that is nearly whole
 MAX_OBJECT = 0.12  # half the diagonal of the largest object that is whole in it, metres
 BODY_SEEN = ("head", "left_wrist", "right_wrist", "left_shoulder", "right_shoulder", "spine2")
@@ -202,9 +203,8 @@ def _object_reach(motion: ObjectTrack, targets: Float[np.ndarray, "T 3"], axes: 
     """Radius with which the object's parts are whole in nearly all frames, metres."""
     reach = torch.zeros(len(targets))
     for part, mesh in enumerate(motion.meshes):
-        ends = torch.stack([mesh.verts.amin(0), mesh.verts.amax(0)])
-        corners = torch.cartesian_prod(*ends.T)
-        placed = corners @ motion.rotation[:, part].mT + motion.translation[:, part, None]
+        verts = mesh.verts[:: max(1, len(mesh.verts) // OUTLINE)]
+        placed = verts @ motion.rotation[:, part].mT + motion.translation[:, part, None]
         reach = torch.maximum(reach, _reach(placed, targets, axes))
     return float(reach.quantile(WHOLE_FRAMES))
 
