@@ -28,6 +28,8 @@ DAMAGE = (
 """What a damaged file makes the readers of Python and numpy raise; numpy, for one, reads the header
 of an array as Python's literals."""
 
+HEAD = 200
+"""Bytes at the start of a file that tell what it is."""
 STAND_INS = (
     (b"version https://git-lfs", "a pointer of Git LFS; fetch the file itself with `git lfs pull`"),
     (
@@ -60,10 +62,11 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
     """The bytes of a file; `InputError` where it cannot be read, or is larger than `limit`."""
     try:
         refuse_large(path, limit)
-        refuse_stand_in(path)
-        return path.read_bytes()
+        data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from None
+    refuse_stand_in(path, data[:HEAD])
+    return data
 
 
 def open_text(path: Path, limit: int) -> TextIO:
@@ -71,7 +74,7 @@ def open_text(path: Path, limit: int) -> TextIO:
     `InputError` as `read_bytes`."""
     try:
         refuse_large(path, limit)
-        refuse_stand_in(path)
+        refuse_stand_in(path, head_of(path))
         return path.open(encoding="utf-8-sig", errors="replace", newline="")
     except OSError as error:
         raise unreadable(path, error) from None
@@ -97,12 +100,18 @@ def refuse_large(path: Path, limit: int) -> None:
         )
 
 
-def refuse_stand_in(path: Path) -> None:
-    """Raise where a file is only the pointer to the real one, or the page of its download."""
+def head_of(path: Path) -> bytes:
+    """The first `HEAD` bytes of a file."""
     with path.open("rb") as file:
-        head = file.read(200).lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+        return file.read(HEAD)
+
+
+def refuse_stand_in(path: Path, head: bytes) -> None:
+    """Raise where a file that begins so is only the pointer to the real one, or the page of its
+    download."""
+    start = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     for starts, words in STAND_INS:
-        if head.startswith(starts):
+        if start.startswith(starts):
             raise InputError(f"{path}: expected data, got {words}")
 
 

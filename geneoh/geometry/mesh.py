@@ -21,7 +21,7 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
-from geneoh.files.reading import refuse_stand_in
+from geneoh.files.reading import head_of, refuse_stand_in
 from geneoh.geometry.mesh_formats import refuse_cut_off, refuse_packed, rewritten
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 from geneoh.geometry.polygons import cut_within, obj_polygons, ply_polygons
@@ -132,7 +132,7 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
         )
     if not path.is_file():
         raise InputError(f"{path}: no such mesh file; check the path")
-    refuse_stand_in(path)
+    refuse_stand_in(path, head_of(path))
     if is_ours(path):
         raise InputError(
             f"{path}: expected the mesh of an object, got a scene with hands that geneoh wrote; "

@@ -129,7 +129,7 @@ def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
         return surface
     away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
     held = int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
-    if stays_at_the_first(surface, held):
+    if held == 0 or stays_at_the_first(surface, held):
         return surface
     return surface.of_parts(sorted(parts, key=lambda part: part != held))
 

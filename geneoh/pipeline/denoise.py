@@ -40,7 +40,7 @@ from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.repeats import repeats_told, without_repeats
+from geneoh.sequence.repeats import without_repeats
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -143,8 +143,9 @@ def clean_interaction(
     evidence = torch.ones(sequence.frames, 1)
     if chosen.clean_object:
         palms = tuple(map(palm_of, sequence.hands))
-        notes += repeats_told(motion, "taken as missing")
-        motion, examined = clean_object(without_repeats(motion), sequence.fps, palms)
+        motion, repeated = without_repeats(motion)
+        motion, examined = clean_object(motion, sequence.fps, palms)
+        notes += repeated
         notes += examined.sentences()
         evidence = evidence_of_poses(examined, motion, sequence.fps)[:, motion.seen_parts]
     # a part that was never seen stands at the origin, where a hand must not meet it

@@ -12,7 +12,7 @@ from geneoh.readers.convention_check import doubts
 from geneoh.readers.hand_checks import refuse_other_order
 from geneoh.readers.holding_check import POSES_REACH
 from geneoh.sequence.gaps import fill_object
-from geneoh.sequence.repeats import repeats_told
+from geneoh.sequence.repeats import repeated_poses, repeats_told
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_distance, least_distance
 
@@ -75,7 +75,7 @@ class FirstLook:
             if least_distance(hand, motion) > POSES_REACH:
                 check_distance(hand, motion, where)
             found = (*lost, *doubts(Sequence((hand,), motion, self._fps), where))
-            found += tuple(repeats_told(motion, REPEATED))
+            found += tuple(repeats_told(motion, repeated_poses(motion), REPEATED))
         except InputError as error:
             raise InputError(without_options(str(error))) from None
         if self._meshes and not motion.is_seen:

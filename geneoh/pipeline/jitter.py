@@ -45,9 +45,10 @@ def without_jitter_over_object(
     """
     turn, place = context.rotation[:, 0], context.translation[:, 0, None]
     local, given = (samples - place) @ turn, (observed - place) @ turn
-    noisy = share_of_jitter(given, QUIET, NOISY)
+    if not (noisy := share_of_jitter(given, QUIET, NOISY)):
+        return samples
     left = [share_of_jitter(each, STILL, SHAKY) for each in context.cut(local.mean(0), 0)]
-    if not noisy or not any(left):
+    if not any(left):
         return samples
     share = context.blend(samples.new_tensor(left)[:, None, None].expand(-1, context.size, 1))
     change = _smoothed(local, SHAPE_KEEPING, context.fps) - local

@@ -24,15 +24,21 @@ FEWEST, LONGER = 5, 2
 longer one is a rest."""
 
 
-def without_repeats(motion: ObjectTrack) -> ObjectTrack:
-    """The track with poses between the others in place of repeated ones, which are not `valid`."""
+def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
+    """The track with poses between the others in place of repeated ones, and what to say of it.
+
+    Repeated poses are not `valid` in it.
+    """
     repeats = repeated_poses(motion)
-    return fill_object(motion, ~repeats) if bool(repeats.any()) else motion
+    if not bool(repeats.any()):
+        return motion, ()
+    said = tuple(repeats_told(motion, repeats, "taken as missing"))
+    return fill_object(motion, ~repeats), said
 
 
-def repeats_told(motion: ObjectTrack, cure: str) -> Iterator[str]:
+def repeats_told(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -> Iterator[str]:
     """What a user should know of repeated poses, part by part, with what is done or to do."""
-    for part, count in enumerate(repeated_poses(motion).sum(0).tolist()):
+    for part, count in enumerate(repeats.sum(0).tolist()):
         if count:
             yield (
                 f"the pose of {motion.name_of(part)} repeats the one before, between two leaps, in "
