@@ -16,7 +16,7 @@ from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
 from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, finite_frames
 from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.joint_orders import ORDERS
-from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset
+from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
 from geneoh.readers.records import Array, Record, float32
 from geneoh.readers.transforms import (
     axis_angles,
@@ -69,6 +69,18 @@ def mano_of_coefficients(
     if mano is None:
         raise InputError(f"{where}: the pose is coefficients of MANO's components, {NO_MANO}")
     return mano
+
+
+def hand_of_rows(
+    record: Record, name: str, side: Side, rows: Array, betas: Array, mano: Mano
+) -> ManoParameters:
+    """One hand of (T, 51) rows: orientation, 45 coefficients without the mean pose, translation.
+
+    `name` is their field in the record. Its pose is absolute, so that no mean has to be added.
+    """
+    fingers = pose_of_coefficients(record, name, rows[:, 3:48], mano, add_mean=True)
+    pose = np.concatenate([rows[:, :3], fingers], axis=1)
+    return ManoParameters(side, pose, rows[:, 48:], betas)
 
 
 def refuse_other_lengths(where: str, numbers: ManoParameters) -> None:

@@ -15,7 +15,7 @@ from geneoh.errors import InputError
 from geneoh.readers import base, builders, transforms
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import read_record, read_yaml
-from geneoh.readers.mano import Mano, pose_of_coefficients
+from geneoh.readers.mano import Mano
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 
@@ -33,7 +33,7 @@ NO_HAND = -1
 """Every coordinate of a label without a hand."""
 
 
-# `mean_added` stays False: `pose_of_coefficients` has added the mean pose already.
+# `mean_added` stays False: `hand_of_rows` has added the mean pose already.
 @reads("meta.yml", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
 def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The hand and the object that it grasps; the other objects on the table are left out."""
@@ -73,14 +73,12 @@ def read_pose(
     """MANO parameters in the world; a frame of zeros has no hand."""
     values = poses.array("pose_m", ("T", 1, 51))[:, 0].copy()
     values[~np.abs(values).any(1)] = np.nan
-    pose = pose_of_coefficients(poses, "pose_m", values[:, 3:48], mano, add_mean=True)
     person = meta.texts("mano_calib")
     if not person:
         raise meta.refuse("mano_calib", "a list of one name")
     calibration = root / "calibration" / f"mano_{person[0].replace('/', '_')}" / "mano.yml"
-    pose = np.concatenate([values[:, :3], pose], axis=1)
     betas = read_yaml(calibration).array("betas", (10,))
-    return base.ManoParameters(side, pose, values[:, 48:], betas)
+    return builders.hand_of_rows(poses, "pose_m", side, values, betas, mano)
 
 
 def read_labels(folder: Path, root: Path, meta: Record, frames: int) -> Array | None:

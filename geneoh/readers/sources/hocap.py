@@ -14,7 +14,6 @@ from geneoh.errors import InputError
 from geneoh.readers import base, builders, transforms
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import read_array, read_yaml
-from geneoh.readers.mano import pose_of_coefficients
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 
@@ -25,7 +24,7 @@ NOTHING = -1
 MESHES = ("cleaned_mesh_10000.obj", "textured_mesh.obj")
 
 
-# `mean_added` stays False: `pose_of_coefficients` has added the mean pose already.
+# `mean_added` stays False: `hand_of_rows` has added the mean pose already.
 @reads(
     "poses_m.npy",
     clip_is_folder=True,
@@ -46,10 +45,8 @@ def hocap(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
             f"{meta.where}: expected {len(placed)} 'object_ids', as poses_o.npy has, got "
             f"{len(names)}; the files are of different sequences or versions"
         )
-    poses = Record(
-        str(clip.path / "poses_m.npy"),
-        {"poses_m": read_array(clip.path / "poses_m.npy", (2, "T", 51))},
-    )
+    stored = clip.path / "poses_m.npy"
+    poses = Record(str(stored), {"poses_m": read_array(stored, (2, "T", 51))})
     betas = read_yaml(root / "calibration/mano" / f"{meta.text('subject_id')}.yaml")
     shape = betas.array("betas", (10,))
     hands = [read_hand(poses, side, shape, options) for side in HANDS if side in sides]
@@ -73,6 +70,4 @@ def read_hand(
     """One hand of `poses_m`, whose coefficients need the user's MANO."""
     mano = builders.mano_of_coefficients(options, side, poses.where)
     values = known(poses.array("poses_m", (2, "T", 51))[HANDS[side]])
-    pose = pose_of_coefficients(poses, "poses_m", values[:, 3:48], mano, add_mean=True)
-    pose = np.concatenate([values[:, :3], pose], axis=1)
-    return base.ManoParameters(side, pose, values[:, 48:], betas)
+    return builders.hand_of_rows(poses, "poses_m", side, values, betas, mano)
