@@ -1,0 +1,126 @@
+"""Files of the example recording that a tracker or a user spoiled, as hand.npz and object.obj."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from bad_inputs import write_mesh
+
+import geneoh
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CLEAN, NOISY = EXAMPLES / "taco_clean.npz", EXAMPLES / "taco_noisy.npz"
+OBJECT = EXAMPLES / "taco_object.obj"
+
+
+def recorded_keypoints() -> np.ndarray:
+    """Keypoints of the frames of `recorded`."""
+    with np.load(CLEAN) as arrays:
+        return arrays["left_joints"][60:72]
+
+
+def recorded(**changes: object) -> Callable[[Path], None]:
+    """Frames of the example recording, of a left hand that moves the object, in `joints` layout."""
+
+    def write(folder: Path) -> None:
+        sequence = geneoh.load(CLEAN, obj=OBJECT)[60:72]
+        joints = sequence.hands[0].joints
+        assert joints is not None
+        fields = {
+            "joints": joints.numpy(),
+            "side": "left",
+            "fps": 30.0,
+            "object_rotation": sequence.object.rotation.numpy(),
+            "object_translation": sequence.object.translation.numpy(),
+            **changes,
+        }
+        np.savez(folder / "hand.npz", **fields)
+        (mesh,) = sequence.object.meshes
+        write_mesh(folder / "object.obj", mesh.verts.numpy(), mesh.faces.numpy())
+
+    return write
+
+
+def write_example(folder: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write arrays as hand.npz, with the mesh of the examples beside it."""
+    np.savez(folder / "hand.npz", **arrays)
+    (folder / "object.obj").write_bytes(OBJECT.read_bytes())
+
+
+def with_repeated_poses(folder: Path) -> None:
+    """Frames of the recording whose object was seen in every second one."""
+    with np.load(CLEAN) as arrays:
+        seen = 60 + np.array([0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10, 11])
+        fields = {name: arrays[name][seen] for name in ("object_rotation", "object_translation")}
+    recorded(**fields)(folder)
+
+
+def with_faulty_frame(
+    wrong: Callable[[np.ndarray], np.ndarray],
+) -> Callable[[Path], None]:
+    """The recording with another hand in its fifth frame."""
+    joints = recorded_keypoints().copy()
+    joints[5] = wrong(joints)
+    return recorded(joints=joints)
+
+
+def reflected_at_the_palm(joints: np.ndarray) -> np.ndarray:
+    """One frame whose palm stays where it is, of a hand of the other side."""
+    normal = np.cross(joints[5] - joints[0], joints[17] - joints[0])
+    normal /= np.linalg.norm(normal)
+    return joints - 2 * ((joints - joints[0]) @ normal)[:, None] * normal
+
+
+def transposed(folder: Path) -> None:
+    """The noisy example with the rotations of its object the wrong way round."""
+    arrays = dict(np.load(NOISY))
+    arrays["object_rotation"] = arrays["object_rotation"].swapaxes(-1, -2)
+    write_example(folder, arrays)
+
+
+def late(folder: Path) -> None:
+    """The example recording with a hand that comes six frames late."""
+    arrays = dict(np.load(CLEAN))
+    for name in ("left_joints", "left_pose", "left_wrist"):
+        arrays[name] = np.concatenate([arrays[name][:1].repeat(6, 0), arrays[name][:-6]])
+    write_example(folder, arrays)
+
+
+def cut(folder: Path) -> None:
+    """Fifty frames of the example recording, of which the second half is elsewhere."""
+    arrays = dict(np.load(CLEAN))
+    frames = len(arrays["left_valid"])
+    arrays |= {n: v[50:100] for n, v in arrays.items() if v.ndim and len(v) == frames}
+    for name in ("left_joints", "left_wrist", "object_translation"):
+        arrays[name][25:] += 0.5
+    write_example(folder, arrays)
+
+
+def with_two_hands(exchanged: slice, *, same: bool = False) -> Callable[[Path], None]:
+    """The recording's left hand and its mirror image beside it, exchanged in some frames; or the
+    same hand under both names."""
+
+    def write(folder: Path) -> None:
+        left = recorded_keypoints()
+        right = left.copy() if same else left * [-1, 1, 1] + [1 + 2 * left[:, :, 0].mean(), 0, 0]
+        left[exchanged], right[exchanged] = right[exchanged], left[exchanged].copy()
+        recorded(joints=left)(folder)
+        arrays = dict(np.load(folder / "hand.npz"))
+        for name in ("joints", "side"):
+            del arrays[name]
+        own = {"format": "geneoh-sequence", "version": 1}
+        np.savez(folder / "hand.npz", left_joints=left, right_joints=right, **own, **arrays)
+
+    return write
+
+
+def inverted(folder: Path) -> None:
+    """The noisy example about its first place, with the poses of its object the wrong way round."""
+    transposed(folder)
+    arrays = dict(np.load(folder / "hand.npz"))
+    start = arrays["object_translation"][0, 0]
+    for name in ("left_joints", "left_wrist", "object_translation"):
+        arrays[name] = arrays[name] - start
+    shift = arrays["object_rotation"] @ arrays["object_translation"][..., None]
+    arrays["object_translation"] = -shift[..., 0]
+    np.savez(folder / "hand.npz", **arrays)
