@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
 from geneoh.files.outputs import is_ours
@@ -22,12 +23,12 @@ IN_NO_FILE = "the object's mesh was made in memory, and no file is known that ho
 
 
 def find_mesh(
-    places: Sequence[Path], what: str, scale: float = 1.0, *, centred: bool = False
+    places: Sequence[Path], what: str, unit: Unit = "m", *, centred: bool = False
 ) -> Mesh:
     """The mesh at the first of some paths that is a file, see `read_mesh`; `InputError` if none."""
     for place in places:
         if place.is_file():
-            return read_mesh(place, scale, centred=centred)
+            return read_mesh(place, unit, centred=centred)
     raise InputError(
         f"{places[0]}: expected the mesh of {what}, got no such file; "
         "download the data set's object models, or pass their folder with --objects"
@@ -40,13 +41,13 @@ def mesh_beside(path: Path) -> tuple[Path, ...]:
     return tuple(mesh for mesh in meshes if mesh.is_file() and not is_ours(mesh))[:1]
 
 
-def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
-    """A mesh in metres from a file in units of `scale`; if `centred`, its middle at the origin."""
-    mesh = load_mesh(path, tidy=False)
-    verts = mesh.verts.double() * scale
-    if centred:
-        verts = verts - (verts.amax(0) + verts.amin(0)) / 2
-    return Mesh(verts.float(), mesh.faces)
+def read_mesh(path: Path, unit: Unit = "m", *, centred: bool = False) -> Mesh:
+    """The one rigid mesh of a file, in metres; if `centred`, its middle at the origin."""
+    mesh = load_mesh(path, unit, tidy=False)
+    if not centred:
+        return Mesh(mesh.verts, mesh.faces, mesh.source)
+    verts = mesh.verts.double()
+    return Mesh((verts - (verts.amax(0) + verts.amin(0)) / 2).float(), mesh.faces)
 
 
 def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:

@@ -63,6 +63,17 @@ def test_a_file_of_several_meshes_is_parts_for_as_many_poses(estimated, tmp_path
     assert len(found.object.meshes) == poses
 
 
+def test_the_mesh_of_a_data_set_is_found_again_from_what_is_saved(tmp_path, mano_dir):
+    """TACO's meshes are in centimetres."""
+    trees.taco(tmp_path / "in", trees.scene(), False)
+    clip = "_stir__spoon__bowl_/20230917_001_tool"
+    found = geneoh.read("taco", tmp_path / "in", clip=clip, mano_dir=mano_dir)
+    geneoh.save(found, tmp_path / "out.npz")
+    again = geneoh.load(tmp_path / "out.npz").object.meshes
+    assert [mesh.sha256 for mesh in again] == [mesh.sha256 for mesh in found.object.meshes]
+    assert len(again) == 1
+
+
 def test_poses_that_act_on_rows_are_refused_with_their_frame(estimated):
     _, path, pose = estimated
     pose[7] = pose[7].T

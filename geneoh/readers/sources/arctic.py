@@ -214,7 +214,7 @@ def read_parts(folder: Path) -> tuple[dict[str, Mesh], tuple[str, ...]]:
 def read_template(folder: Path) -> tuple[Mesh, Array]:
     """The mesh of a whole object in metres, and (V,) the part of each vertex."""
     parts = folder / "parts.json"
-    mesh = find_mesh([folder / "mesh.obj"], folder.name, MILLIMETRES)
+    mesh = find_mesh([folder / "mesh.obj"], folder.name, "mm")
     ids = Record(str(parts), {"parts": read_json(parts)}).array("parts", ("V",))
     if len(ids) != len(mesh.verts):
         raise InputError(
@@ -229,7 +229,7 @@ def exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
     files = [folder / "bottom.obj", folder / "top.obj"]
     if not all(file.is_file() for file in files):
         return ()
-    true_bottom, true_top = (middle(read_mesh(file, MILLIMETRES)) for file in files)
+    true_bottom, true_top = (middle(read_mesh(file, "mm")) for file in files)
     straight = np.linalg.norm(middle(bottom) - true_bottom) + np.linalg.norm(middle(top) - true_top)
     crossed = np.linalg.norm(middle(bottom) - true_top) + np.linalg.norm(middle(top) - true_bottom)
     if crossed < straight:

@@ -26,7 +26,6 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.meshes import find_mesh, read_mesh
 from geneoh.readers.records import Array, Record
 
-CENTIMETRES = 0.01
 HOLDS: dict[str, Side] = {"tool": "right", "target": "left"}
 """The hand that holds each object."""
 
@@ -49,7 +48,7 @@ def taco(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
             continue
         name = poses[0].stem.removeprefix(f"{role}_")
         motion = foreign_files.read_array(poses[0], ("T", 4, 4))
-        mesh = find_mesh([folder / f"{name}_cm.obj"], f"object {name}", CENTIMETRES)
+        mesh = find_mesh([folder / f"{name}_cm.obj"], f"object {name}", "cm")
         hand, meshes = read_hand(clip.path, side, len(motion)), {f"taco_{name}": mesh}
         source, name = f"TACO {triplet} {sequence} {role}", f"{clip.name}_{role}"
         yield base.ClipParts(source, [hand], meshes, motion, name=name)
