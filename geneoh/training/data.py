@@ -255,12 +255,12 @@ def held_out(sources: Sequence[Sequence[ClipRecord]]) -> list[tuple[Bool[Tensor,
 def held_clips(records: Sequence[ClipRecord], objects: set[str]) -> tuple[Bool[Tensor, " B"], str]:
     """Which clips of one source are held out, and by what; all sources hold out `objects`."""
     people = held_names([[record.person for record in records]])
-    for kind, chosen in (("object", objects), ("person", people)):
+    for kind, several, chosen in (("object", "objects", objects), ("person", "people", people)):
         names = [getattr(record, kind) for record in records]
         if count := len(chosen & set(names)):
-            words = {"object": "object" if count == 1 else "objects", "person": "people"}
             held = torch.tensor([name in chosen for name in names])
-            return held, f"{int(held.sum())} of {count} {words[kind]} held out for validation"
+            of = f"one {kind}" if count == 1 else f"{count} {several}"
+            return held, f"{int(held.sum())} of {of} held out for validation"
     none = torch.zeros(len(records), dtype=torch.bool)
     return none, "validated on what is learned: there is no other object"
 

@@ -47,6 +47,9 @@ def test_a_file_of_someone_else_is_replaced_only_on_demand(noisy, tmp_path):
     with pytest.raises(InputError, match="was not written by geneoh; pass overwrite=True"):
         geneoh.save(noisy, tmp_path / "mine.npz")
     geneoh.save(noisy, tmp_path / "mine.npz", overwrite=True)
+    (tmp_path / "folder.npz").mkdir()
+    with pytest.raises(InputError, match="expected the name of a file, got a folder"):
+        geneoh.save(noisy, tmp_path / "folder.npz")
     geneoh.save(noisy, tmp_path / "mine.npz")
 
 
