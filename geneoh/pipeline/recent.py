@@ -30,7 +30,6 @@ from geneoh.pipeline.rays import FoundRay, found_ray
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
-from geneoh.pipeline.stages import Placed
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import fill_gaps, fill_object
@@ -93,22 +92,17 @@ class RecentRun(StageRun):
     """Frame that is to be made next."""
 
     def placed(
-        self,
-        observed: HandParameters,
-        hand: HandParameters,
-        context: StageContext,
-        plan: PlacePlan,
-    ) -> Placed:
+        self, observed: HandParameters, hand: HandParameters, context: StageContext, plan: PlacePlan
+    ) -> tuple[HandParameters, Float[Tensor, " T"]]:
         """The samples moved by the shift of SpatialDiff, which is asked where it has not been."""
         enough = context.frames >= LEAST_PLACED
         if enough and self.done - self.place.since >= PLACE_EVERY:
-            found = super().placed(observed, hand, context, plan)
+            found, width = super().placed(observed, hand, context, plan)
             # the shift is the same in all frames of one window
-            shift = (found.hand.wrist - hand.wrist)[:, :1]
-            self.place.learn(shift, float(found.width[0]), self.done)
+            self.place.learn((found.wrist - hand.wrist)[:, :1], float(width[0]), self.done)
         frames = (torch.arange(context.frames) + self.first).to(hand.wrist)
         moved = replace(hand, wrist=hand.wrist + self.place.at(frames))
-        return Placed(moved, torch.full_like(frames, self.place.width))
+        return moved, torch.full_like(frames, self.place.width)
 
 
 class RecentHand:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -18,9 +17,8 @@ from geneoh.objects.evidence import blended, evidence_of_place, with_held_part_f
 from geneoh.pipeline.alone import hand_alone
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.jitter import without_jitter, without_jitter_over_object
-from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
+from geneoh.pipeline.presets import DirectPlan, PlacePlan, Plan, Preset, StagePlan
 from geneoh.pipeline.stages import (
-    Placed,
     denoise_latent,
     denoise_motion,
     denoise_relations,
@@ -125,9 +123,8 @@ class StageRun:
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
         """MotionDiff and SpatialDiff on hand parameters."""
         given = self.given
-        observed = HandParameters(
-            given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], self.subject.offsets
-        )
+        turn, fingers = given.rotations[..., 0, :, :], given.pose[..., 1:, :]
+        observed = HandParameters(given.wrist, turn, fingers, self.subject.offsets)
         hand = repeated(observed, preset.samples)
         if preset.motion is not None:
             hand = denoise_motion(
@@ -142,19 +139,14 @@ class StageRun:
             hand.map(finite_output)
         width = None
         if isinstance(preset.spatial, PlacePlan):
-            placed = self.placed(observed, hand, context, preset.spatial)
-            hand, width = placed.hand, placed.width
+            hand, width = self.placed(observed, hand, context, preset.spatial)
         parts = [hand[frames].joints for frames in blocks(context.frames)]
         return torch.cat(parts, dim=1), width
 
     def placed(
-        self,
-        observed: HandParameters,
-        hand: HandParameters,
-        context: StageContext,
-        plan: PlacePlan,
-    ) -> Placed:
-        """SpatialDiff."""
+        self, observed: HandParameters, hand: HandParameters, context: StageContext, plan: PlacePlan
+    ) -> tuple[HandParameters, Float[Tensor, " T"]]:
+        """`denoise_spatial`."""
         return denoise_spatial(
             self.denoisers.spatial,
             observed,
@@ -167,25 +159,15 @@ class StageRun:
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """All three stages on keypoints, in the form of the paper."""
-        networks = self.denoisers
-
-        def run(
-            name: str,
-            stage: Callable[..., Tensor],
-            network: nn.Module | None,
-            joints: Float[Tensor, "S T 21 3"],
-            plan: StagePlan,
-        ) -> Float[Tensor, "S T 21 3"]:
-            assert network is not None, "it was asked for"
-            how = {"generator": self.generator, "on_step": self.progress_of(name)}
-            return stage(network, joints, context, plan, **how)
-
-        joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
-        if preset.motion is not None:
-            stage = partial(denoise_trajectory, samples=preset.samples)
-            joints = run("motion", stage, networks.trajectory, joints[:1], preset.motion)
-        if isinstance(preset.spatial, StagePlan):
-            joints = run("spatial", denoise_relations, networks.relations, joints, preset.spatial)
-        if isinstance(preset.temporal, StagePlan):
-            joints = run("temporal", denoise_latent, networks.latent, joints, preset.temporal)
+        networks, joints = self.denoisers, self.subject.joints.expand(preset.samples, -1, -1, -1)
+        stages: tuple[tuple[str, Callable[..., Tensor], nn.Module | None, Plan | None], ...] = (
+            ("motion", denoise_trajectory, networks.trajectory, preset.motion),
+            ("spatial", denoise_relations, networks.relations, preset.spatial),
+            ("temporal", denoise_latent, networks.latent, preset.temporal),
+        )
+        for name, stage, network, plan in stages:
+            if isinstance(plan, StagePlan):
+                assert network is not None, "it was asked for"
+                how = {"generator": self.generator, "on_step": self.progress_of(name)}
+                joints = stage(network, joints, context, plan, **how)
         return joints

@@ -8,7 +8,7 @@ A rigid motion of the scene moves the result rigidly.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -48,15 +48,6 @@ LASTING, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
 """What of a shift by TemporalDiff lasts, and its largest length in metres: 5 mm are usual."""
 
 
-@dataclass(frozen=True)
-class Placed:
-    """Samples of a hand in their place, and how well contact tells it."""
-
-    hand: HandParameters
-    width: Float[Tensor, " T"]
-    """Deviation of the place in each frame, metres."""
-
-
 def denoise_motion(
     model: MotionDenoiser,
     hand: HandParameters,
@@ -69,14 +60,7 @@ def denoise_motion(
 ) -> HandParameters:
     """MotionDiff: `samples` hands of the world with natural canonical trajectories.
 
-    Args:
-        model: the denoiser of changes of the observed hand.
-        hand: the observed hand in the world frame, one sample, gaps filled.
-        context: the object and the windows.
-        plan: settings of the diffusion.
-        samples: diffusion chains to draw.
-        generator: source of the noise.
-        on_step: called with (done, total) after each denoiser call.
+    `hand` is the observed one in the world frame, one sample, gaps filled.
     """
     pieces = context.pieces(samples)
     advance = counted(on_step, plan.calls * len(pieces))
@@ -114,21 +98,15 @@ def denoise_spatial(
     *,
     generator: torch.Generator,
     on_step: OnStep | None = None,
-) -> Placed:
+) -> tuple[HandParameters, Float[Tensor, " T"]]:
     """SpatialDiff: hands of the world in places where their relations to the surface are natural.
 
     The place is one shift per window, because the errors that it mends last. All samples ask about
     their mean and get a shift each, drawn from its density, so that their mean is the density's.
     What then drifts over the object that the hand holds is taken away from all of them alike.
 
-    Args:
-        model: the density of the shift.
-        observed: the observed hand, one sample, gaps filled.
-        hand: the samples of the stage before.
-        context: the object, the windows and the ray of the camera.
-        plan: how many places are tried, and in how many frames.
-        generator: source of the places and of the samples.
-        on_step: called with (done, total) after each round.
+    `observed` is the input, one sample, gaps filled; `hand` has the samples of the stage before.
+    Also the deviation of the place in each frame, metres.
     """
     count = plan.frames or model.config.frames
     evidence = concatenated(
@@ -158,7 +136,7 @@ def denoise_spatial(
     width = context.blend(width[:, None, None].expand(-1, context.size, 1))[0, :, 0]
     if plan.sliding:
         shift = shift - context.drift(joints + shift.mean(0)[:, None], evidence.track)
-    return Placed(replace(hand, wrist=hand.wrist + shift), width)
+    return replace(hand, wrist=hand.wrist + shift), width
 
 
 def _width_of_place(found: list[Posterior], ray: Float[Tensor, "W 3"]) -> Float[Tensor, " W"]:
@@ -194,24 +172,25 @@ def _of_all_windows(
 
 def denoise_trajectory(
     model: TrajectoryDenoiser,
-    observed: Float[Tensor, "1 T 21 3"],
+    whole: Float[Tensor, "S T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
-    samples: int,
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff as the paper has it: world keypoints with natural canonical trajectories.
 
-    Every window has `plan.chains` of its own, or as many as `samples` if these are more, in units
-    of its own deviation; those that end closest to the input are kept, the closest first, and
-    windows are blended after. The paper chooses after the last stage: the later ones change less.
+    The samples are all the input. Every window has `plan.chains` of its own, or one for each sample
+    if these are more, in units of its own deviation; those that end closest to the input are kept,
+    the closest first, and windows are blended after. The paper chooses after the last stage: the
+    later ones change less.
     """
+    samples = len(whole)
     chains = max(samples, plan.chains)
 
     def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
-        context, joints = piece.context, observed[:, piece.frames]
+        context, joints = piece.context, whole[:1, piece.frames]
         region = context.region(joints)
         canon = region.to_canon(context.windows(joints))
         scale = WindowScale.of(canon)
@@ -286,12 +265,8 @@ def denoise_temporal(
 
     All samples ask about their mean, and are moved by the same shift: what they differ in stays.
 
-    Args:
-        model: the denoiser of steps.
-        observed: the hand before MotionDiff, gaps filled.
-        whole: the samples after the stage before.
-        context: the object and the windows.
-        on_step: called with (done, total) after each denoiser call.
+    `observed` is the hand before MotionDiff, gaps filled; `whole` has the samples of the stage
+    before.
     """
     if context.frames < 2:
         return whole
@@ -332,16 +307,7 @@ def denoise_latent(
 ) -> Float[Tensor, "S T 21 3"]:
     """TemporalDiff as the paper has it: world keypoints near decoded relations (eq. 9).
 
-    It needs two frames.
-
-    Args:
-        model: autoencoder and latent denoiser.
-        whole: the hand after the stage before.
-        context: the object and the windows.
-        plan: settings of the diffusion of the latent.
-        align: settings of the optimisation of the keypoints.
-        generator: source of the noise.
-        on_step: called with (done, total) after each denoiser call.
+    A track of one frame stays as it is.
     """
     if context.frames < 2:
         return whole

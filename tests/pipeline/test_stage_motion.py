@@ -82,7 +82,7 @@ def test_trajectory_gives_the_hand_that_the_network_answers():
     context = scene(LONG)
     joints, goal = hands_at(context), hands_at(context, seed=20)
     model = KnownWindows(context, joints, canonical(context, joints, goal))
-    got = denoise_trajectory(model, joints, context, PLAN, samples=1, generator=seeded())
+    got = denoise_trajectory(model, joints, context, PLAN, generator=seeded())
     torch.testing.assert_close(got, goal, atol=1e-6, rtol=0)
 
 
@@ -92,7 +92,7 @@ def test_a_network_that_answers_the_input_changes_nothing(sampler):
     joints = hands_at(context)
     model = KnownWindows(context, joints, canonical(context, joints, joints))
     plan = StagePlan(400, 3, sampler)
-    got = denoise_trajectory(model, joints, context, plan, samples=1, generator=seeded())
+    got = denoise_trajectory(model, joints, context, plan, generator=seeded())
     torch.testing.assert_close(got, joints, atol=1e-6, rtol=0)
 
 
@@ -103,7 +103,7 @@ def test_windows_that_disagree_are_blended_where_they_overlap():
     other = context.windows(joints).clone()
     other[1] += aside
     model = KnownWindows(context, joints, region.to_canon(other))
-    got = denoise_trajectory(model, joints, context, PLAN, samples=1, generator=seeded())
+    got = denoise_trajectory(model, joints, context, PLAN, generator=seeded())
     step = (got - joints)[0, :, 0, 0] / aside[0]
     torch.testing.assert_close(step[:30], torch.zeros(30), atol=1e-4, rtol=0)
     torch.testing.assert_close(step[60:], torch.ones(30), atol=1e-4, rtol=0)
@@ -120,7 +120,9 @@ def test_of_the_chains_of_each_window_those_closest_to_the_input_are_kept(sample
     moved = [windows + 0.01 * one[:, None, None, None] * torch.eye(3)[0] for one in away]
     model = KnownWindows(context, joints, torch.cat([region.to_canon(one) for one in moved]))
     plan = replace(PLAN, chains=3)
-    got = denoise_trajectory(model, joints, context, plan, samples=samples, generator=seeded())
+    got = denoise_trajectory(
+        model, joints.expand(samples, -1, -1, -1), context, plan, generator=seeded()
+    )
     apart = (got - joints)[..., 0].mean(-1)
     wanted = 0.01 * torch.arange(1.0, 1 + samples)[:, None].expand(-1, LONG)
     torch.testing.assert_close(apart, wanted, atol=1e-5, rtol=0)

@@ -47,7 +47,7 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
     context = scene(LONG)
     hand, shift = parameters_at(context), torch.tensor([0.012, -0.004, 0.006])
     samples = hand.map(lambda value: value.expand(4, *value.shape[1:]))
-    found = denoise_spatial(
+    got, width = denoise_spatial(
         KnownPlace(shift).requires_grad_(False),
         hand,
         samples,
@@ -55,7 +55,6 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
         PlacePlan(400, 3, sliding=False),
         generator=seeded(),
     )
-    got, width = found.hand, found.width
     moved_by = got.joints - samples.joints
     torch.testing.assert_close(moved_by.mean((0, 1, 2)), shift, atol=5e-4, rtol=0)
     # a sample of the density each: the deviation over samples is that of the density
@@ -71,14 +70,14 @@ def test_a_hand_that_slides_over_what_it_holds_goes_to_where_it_does_not():
 
     def off(sliding: bool, relied: Tensor | None = None) -> float:
         """Distance from the place where it does not slide."""
-        got = denoise_spatial(
+        got, _ = denoise_spatial(
             KnownPlace(torch.zeros(3), 0.02).requires_grad_(False),
             held,
             held,
             replace(context, relied=relied),
             PlacePlan(400, 3, sliding=sliding),
             generator=seeded(),
-        ).hand
+        )
         return float((got.wrist - wrist).norm(dim=-1).mean() / error.norm())
 
     assert off(True) < 0.5
@@ -95,14 +94,14 @@ def test_what_drifts_over_what_is_held_is_taken_away():
 
     def off(sliding: bool) -> float:
         """Distance from the place where it does not drift."""
-        got = denoise_spatial(
+        got, _ = denoise_spatial(
             KnownPlace(torch.zeros(3)).requires_grad_(False),
             replace(right, wrist=right.wrist + error),
             replace(right, wrist=right.wrist + error),
             context,
             PlacePlan(400, 3, sliding=sliding),
             generator=seeded(),
-        ).hand
+        )
         return float((got.wrist - right.wrist).norm(dim=-1).mean())
 
     assert off(True) < 0.6 * off(False)
@@ -180,7 +179,7 @@ def test_places_are_asked_a_few_windows_at_a_time_as_all_at_once(monkeypatch):
 
     def answer() -> Tensor:
         plan = PlacePlan(40, 2)
-        return denoise_spatial(model, hand, hand, context, plan, generator=seeded()).hand.wrist
+        return denoise_spatial(model, hand, hand, context, plan, generator=seeded())[0].wrist
 
     whole = answer()
     monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 1)

@@ -40,8 +40,7 @@ def random_networks() -> dict[str, nn.Module]:
 def run_stage(stage: str, joints: Tensor, context: StageContext, seed: int = 0) -> Tensor:
     model, generator = random_networks()[stage], seeded(seed)
     if stage == "trajectory":
-        given = joints[:1], context, PLAN
-        return denoise_trajectory(model, *given, samples=len(joints), generator=generator)
+        return denoise_trajectory(model, joints, context, PLAN, generator=generator)
     if stage == "temporal":
         # an input that shook: every other frame has the hand, the ones between have another
         same = torch.arange(context.frames)[:, None, None] % 2 == 0
@@ -87,8 +86,7 @@ def test_a_stage_answers_window_by_window_as_on_all_at_once(stage, monkeypatch):
         direct = replace(plan, sampler="direct")
         if stage == "relations":
             return denoise_relations(model, joints, context, direct, generator=seeded())
-        given = joints[:1], context, direct
-        return denoise_trajectory(model, *given, samples=len(joints), generator=seeded())
+        return denoise_trajectory(model, joints, context, direct, generator=seeded())
 
     whole = answer()
     monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 2)
