@@ -167,7 +167,6 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
     """
     signature = inspect.signature(function)
     plain = {n: p.annotation for n, p in signature.parameters.items() if is_plain(p.annotation)}
-    called = {n for n, p in signature.parameters.items() if is_callback(p.annotation)}
 
     @wraps(function)
     def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -179,8 +178,6 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
         for name in bound.arguments.keys() & plain.keys():
             bound.arguments[name] = value = plain_number(bound.arguments[name])
             as_field_type(value, plain[name], f"geneoh.{function.__name__}", name)
-        for name in bound.arguments.keys() & called:
-            refuse_callback(bound.arguments[name], f"geneoh.{function.__name__}", name)
         return function(*bound.args, **bound.kwargs)
 
     return checked
@@ -208,24 +205,11 @@ def plain_number(value: Any) -> Any:
 
 
 def is_plain(kind: Any) -> bool:
-    """Whether a type is a path, number, text or choice, or any of several of them."""
+    """Whether a type is a path, number, text, choice or function, or any of several of them."""
     if get_origin(kind) in (Union, types.UnionType):
         return all(map(is_plain, get_args(kind)))
-    return get_origin(kind) is Literal or kind in (float, int, bool, str, Path, types.NoneType)
-
-
-def is_callback(kind: Any) -> bool:
-    """Whether a type is a function to call, or none."""
-    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
-    return any(get_origin(part) is Callable for part in parts)
-
-
-def refuse_callback(value: Any, origin: str, name: str) -> None:
-    """`ConfigError` for what is neither a function nor none."""
-    if value is not None and not callable(value):
-        raise ConfigError(
-            f"{origin}: '{name}' must be a function or none, got {value!r:.60}; correct the value"
-        )
+    plain = (float, int, bool, str, Path, types.NoneType)
+    return get_origin(kind) in (Literal, Callable) or kind in plain
 
 
 def given_options(given: Any, kind: type[Config], caller: str) -> Config:
@@ -276,9 +260,11 @@ def as_field_type(value: Any, wanted: Any, origin: str, name: str) -> Any:
 
 
 def is_plain_value_of(value: Any, wanted: Any) -> bool:
-    """Whether a field of a plain type or a Literal can hold a value as it is."""
+    """Whether a field of a plain type, a Literal or a Callable can hold a value as it is."""
     if get_origin(wanted) is Literal:
         return any(value == each and type(value) is type(each) for each in get_args(wanted))
+    if get_origin(wanted) is Callable:
+        return callable(value)
     if wanted is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
     if wanted is Path:
@@ -300,6 +286,8 @@ def type_in_words(wanted: Any) -> str:
     if get_origin(wanted) is tuple:
         each = [type_in_words(part) for part in arguments if part is not Ellipsis]
         return f"a list of {each[0]}" if Ellipsis in arguments else f"[{', '.join(each)}]"
+    if get_origin(wanted) is Callable:
+        return "a function"
     words = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
     words |= {Path: "a path", types.NoneType: "none"}
     return words.get(wanted, f"a table of {getattr(wanted, '__name__', wanted)}")

@@ -1,9 +1,10 @@
-"""What the denoisers share: rates of the object, and scales of their data."""
+"""What the denoisers share: rates of the object, versions of a sample, and scales of their data."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.denoisers.candidate_corrections import SMOOTHING_FRAMES, filter_kernels
 from geneoh.geometry.rotations import matrix_to_axis_angle
 
 HAND_SCALE = 0.08
@@ -12,6 +13,8 @@ read of them. It is fixed: each window's own, as in the paper, would lose bone l
 NOISE_SCALE = 0.02  # how far a clean keypoint typically is from its observation, metres
 POINTS = 32  # contact points K the networks are trained with
 SELECT_EVERY = 4  # contact points are chosen from every fourth frame
+VERSIONS = 1 + len(SMOOTHING_FRAMES)  # versions of a sample in `with_low_passed`
+TYPICAL_DEVIATION = 0.035  # of the keypoints in a window of a real hand, metres
 
 
 def object_rates(
@@ -23,3 +26,16 @@ def object_rates(
     """
     rates = torch.cat([move @ axes / 0.003, matrix_to_axis_angle(turn) @ axes / 0.03], dim=-1)
     return torch.nn.functional.pad(rates, (0, 0, 0, 1)).clamp(-10, 10)
+
+
+def with_low_passed(values: Float[Tensor, "B T C"]) -> Float[Tensor, "B T K C"]:
+    """A sample, and the same under low-pass filters over time (`SMOOTHING_FRAMES`)."""
+    kernels = filter_kernels(torch.ones_like(values[:1, :, 0]), SMOOTHING_FRAMES)
+    each = values[:, None]
+    return torch.cat([each, kernels @ each], dim=1).transpose(1, 2)
+
+
+def window_size(deviation: Float[Tensor, " B"], frames: int) -> Float[Tensor, "B T 1"]:
+    """The deviation of each window (metres) as a feature of each frame, near zero."""
+    size = (deviation / TYPICAL_DEVIATION).log()
+    return size[:, None, None].expand(-1, frames, 1)

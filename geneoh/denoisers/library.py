@@ -1,9 +1,9 @@
 """The trained denoisers: where the shipped weights are and how networks are rebuilt from files."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -14,13 +14,22 @@ from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.nn.precision import cleaning_precision, multiply_in
-from geneoh.nn.weights import NetConfig, Network, file_or_shipped, load_network
+from geneoh.nn.weights import file_or_shipped, load_network
 
 SHIPPED = Path(__file__).parent / "assets"  # the weights in the package, STAGE.safetensors
 CLEANING_STAGES = ("motion", "spatial", "temporal")
 """Stages whose weights a user's folder must hold to clean with it."""
 PAPER_STAGES = ("trajectory", "relations", "latent")
 """The three stages in the paper's form, which only the preset `paper` needs."""
+NETWORKS: dict[str, tuple[Any, Any]] = {
+    "motion": (MotionDenoiser, MotionConfig),
+    "spatial": (SpatialDenoiser, SpatialConfig),
+    "temporal": (TemporalDenoiser, TemporalConfig),
+    "trajectory": (TrajectoryDenoiser, TrajectoryConfig),
+    "relations": (RelationDenoiser, RelationConfig),
+    "latent": (LatentDenoiser, LatentConfig),
+}
+"""The network of each stage, and the settings of its size."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +39,11 @@ class Denoisers:
     motion: MotionDenoiser
     spatial: SpatialDenoiser
     temporal: TemporalDenoiser
-    trajectory: TrajectoryDenoiser | None
+    trajectory: TrajectoryDenoiser | None = None
     """MotionDiff in the paper's form, as `relations` is SpatialDiff and `latent` TemporalDiff; None
     where they are not asked for."""
-    relations: RelationDenoiser | None
-    latent: LatentDenoiser | None
+    relations: RelationDenoiser | None = None
+    latent: LatentDenoiser | None = None
 
 
 def load_denoisers(
@@ -68,29 +77,15 @@ def kept_denoisers(
     files: tuple[tuple[Path, tuple[int, int]], ...], device: torch.device, precision: torch.dtype
 ) -> Denoisers:
     """The networks of some files, kept for the next clips: they are read in a tenth of a second."""
-    paths = {path.stem: path for path, _ in files}
-
-    def loaded(
-        stage: str, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
-    ) -> Network:
-        made = load_network(paths[stage], network, config).to(device)
-        multiply_in(made, precision)
-        return made
-
-    paper = "trajectory" in paths
-    return Denoisers(
-        loaded("motion", MotionDenoiser, MotionConfig),
-        loaded("spatial", SpatialDenoiser, SpatialConfig),
-        loaded("temporal", TemporalDenoiser, TemporalConfig),
-        loaded("trajectory", TrajectoryDenoiser, TrajectoryConfig) if paper else None,
-        loaded("relations", RelationDenoiser, RelationConfig) if paper else None,
-        loaded("latent", LatentDenoiser, LatentConfig) if paper else None,
-    )
+    networks = {path.stem: load_network(path, *NETWORKS[path.stem]) for path, _ in files}
+    for network in networks.values():
+        multiply_in(network.to(device), precision)
+    return Denoisers(**networks)
 
 
 def load_motion(folder: Path) -> MotionDenoiser:
     """MotionDiff for the training of later stages: from the folder if it is there, else shipped."""
-    return load_network(file_or_shipped("motion", folder, SHIPPED), MotionDenoiser, MotionConfig)
+    return load_network(file_or_shipped("motion", folder, SHIPPED), *NETWORKS["motion"])
 
 
 def weights_of(name: str, folder: Path | None) -> Path:

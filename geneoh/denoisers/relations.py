@@ -12,8 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE
-from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
+from geneoh.denoisers.base import HAND_SCALE, VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.nn.sizes import NetworkConfig
