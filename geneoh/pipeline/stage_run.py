@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
 
 from geneoh.denoisers.library import Denoisers
 from geneoh.errors import CheckpointError
@@ -17,7 +17,7 @@ from geneoh.objects.evidence import blended, evidence_of_place, with_held_part_f
 from geneoh.pipeline.alone import hand_alone
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.jitter import without_jitter, without_jitter_over_object
-from geneoh.pipeline.presets import DirectPlan, PlacePlan, Plan, Preset, StagePlan
+from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
     denoise_latent,
     denoise_motion,
@@ -34,6 +34,12 @@ LEAST_EVIDENCE = 0.02
 """Reliance on the object's poses below which the stages that look at it are not run at all."""
 FARTHEST = 10.0
 """Metres from the input that no sound network moves a keypoint."""
+OF_THE_PAPER: dict[str, tuple[str, Callable[..., Tensor]]] = {
+    "motion": ("trajectory", denoise_trajectory),
+    "spatial": ("relations", denoise_relations),
+    "temporal": ("latent", denoise_latent),
+}
+"""The network of each stage in the form of the paper, and its work."""
 
 
 @dataclass(frozen=True)
@@ -159,15 +165,12 @@ class StageRun:
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """All three stages on keypoints, in the form of the paper."""
-        networks, joints = self.denoisers, self.subject.joints.expand(preset.samples, -1, -1, -1)
-        stages: tuple[tuple[str, Callable[..., Tensor], nn.Module | None, Plan | None], ...] = (
-            ("motion", denoise_trajectory, networks.trajectory, preset.motion),
-            ("spatial", denoise_relations, networks.relations, preset.spatial),
-            ("temporal", denoise_latent, networks.latent, preset.temporal),
-        )
-        for name, stage, network, plan in stages:
+        joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
+        for name, (network, stage) in OF_THE_PAPER.items():
+            plan, model = getattr(preset, name), getattr(self.denoisers, network)
             if isinstance(plan, StagePlan):
-                assert network is not None, "it was asked for"
-                how = {"generator": self.generator, "on_step": self.progress_of(name)}
-                joints = stage(network, joints, context, plan, **how)
+                on_step = self.progress_of(name)
+                joints = stage(
+                    model, joints, context, plan, generator=self.generator, on_step=on_step
+                )
         return joints
