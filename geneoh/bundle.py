@@ -168,10 +168,8 @@ def concatenated(parts: Iterable[AnyBundle], axis: str = FRAMES) -> AnyBundle:
 
 
 def gathered(parts: Sequence[AnyBundle], places: Int[Tensor, "N 2"]) -> AnyBundle:
-    """Copies of entries of bundles of one type, all of whose fields have the same first axis.
-
-    Of each entry the place is the number of its bundle, and where it is along that axis.
-    """
+    """Copies of entries of bundles of one type, all of whose fields have the same first axis. Of
+    each entry the place is the number of its bundle, and where it is along that axis."""
     chosen = places.tolist()
     leaves = {number: _leaves(parts[number]) for number, _ in chosen}
     counted = count()

@@ -37,11 +37,9 @@ NONE_WORDS = ("none", "null")
 
 
 def configured(base: Config, path: Path | None = None, settings: Iterable[str] = ()) -> Config:
-    """The configuration `base` with the values of a file, then with those of `a.b=c` settings.
-
-    Raises:
-        ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
-    """
+    """The configuration `base` with the values of a file, then with those of `a.b=c` settings;
+    `ConfigError` for a file that cannot be read, and a setting that is unknown or of the wrong
+    type."""
     if path is not None:
         base = with_table(base, read_toml(path), str(path))
     for setting in settings:
@@ -122,11 +120,8 @@ def check_fields(options: Any, limits: Limits) -> None:
 
 
 def check_limits(config: Any, limits: Limits) -> None:
-    """Refuse numbers outside of the least and the largest value that their fields may have.
-
-    Raises:
-        ConfigError: a value is outside of its limits, or a range does not rise.
-    """
+    """`ConfigError` for a number outside of the least and the largest value that its field may
+    have, and for a range that does not rise."""
     for name, (low, high) in limits.items():
         value = getattr(config, name)
         values = value if isinstance(value, tuple) else () if value is None else (value,)
@@ -213,11 +208,7 @@ def is_plain(kind: Any) -> bool:
 
 
 def given_options(given: Any, kind: type[Config], caller: str) -> Config:
-    """The options of one kind that a caller gives.
-
-    Raises:
-        ConfigError: these are no options of this kind.
-    """
+    """The options of one kind that a caller gives; `ConfigError` for anything else."""
     if not isinstance(given, kind):
         raise ConfigError(
             f"{caller}: 'options' must be geneoh.{kind.__name__}, got {given!r:.60}; "

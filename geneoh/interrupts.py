@@ -9,10 +9,8 @@ from typing import Any
 
 @contextmanager
 def on_interrupt(act: Callable[..., None]) -> Iterator[None]:
-    """Ctrl-C within the block calls a function, with what handlers of signals are given.
-
-    In other threads than the main one, which alone hears of it, nothing changes.
-    """
+    """Ctrl-C within the block calls a function, with what handlers of signals are given. In other
+    threads than the main one, which alone hears of it, nothing changes."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -31,10 +31,8 @@ def counted(on_step: OnStep | None, total: int) -> Callable[[], None]:
 
 
 def timed(on_progress: OnProgress | None, seconds: dict[str, float]) -> Callable[[str], OnStep]:
-    """What makes the callback of a stage, by its name, which also keeps the seconds that it took.
-
-    A stage that is begun again goes on from its seconds before.
-    """
+    """What makes the callback of a stage, by its name, which also keeps the seconds that it took; a
+    stage that is begun again goes on from its seconds before."""
 
     def of(stage: str) -> OnStep:
         began = time.monotonic() - seconds.get(stage, 0.0)

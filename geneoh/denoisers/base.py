@@ -20,10 +20,8 @@ TYPICAL_DEVIATION = 0.035  # of the keypoints in a window of a real hand, metres
 def object_rates(
     move: Float[Tensor, "B N 3"], turn: Float[Tensor, "B N 3 3"], axes: Float[Tensor, "B 3 3"]
 ) -> Float[Tensor, "B N+1 6"]:
-    """Steps (m) and turns of the object to the next frame as features, in the given axes.
-
-    They are in 3 mm and 0.03 rad, at most ten of these, and zero in the last frame.
-    """
+    """Steps (m) and turns of the object to the next frame as features, in the given axes: in 3 mm
+    and 0.03 rad, at most ten of these, and zero in the last frame."""
     rates = torch.cat([move @ axes / 0.003, matrix_to_axis_angle(turn) @ axes / 0.03], dim=-1)
     return torch.nn.functional.pad(rates, (0, 0, 0, 1)).clamp(-10, 10)
 

@@ -35,11 +35,9 @@ def candidate_corrections(
     normals: Float[Tensor, "B T 21 3"],
     rotation: Float[Tensor, "B T 3 3"],
 ) -> Float[Tensor, "B T K 51"]:
-    """All candidate corrections of an observed hand in the canonical frame, gaps filled.
-
-    `nearest` are surface points next to the keypoints, with their outward `normals`; `rotation` is
-    of the canonical frame to the world.
-    """
+    """All candidate corrections of an observed hand in the canonical frame, gaps filled. `nearest`
+    are surface points next to the keypoints, with their outward `normals`; `rotation` is of the
+    canonical frame to the world."""
     smooth, flatten, touch = (
         filter_kernels(trust, widths)
         for widths in (SMOOTHING_FRAMES, (FLAT_FRAMES,), CONTACT_FRAMES)

@@ -1,10 +1,10 @@
 """An error that drifts: what comes and goes over the object that a hand holds is taken for one.
 
 A hand that holds an object keeps its place on it but for a few millimetres. Where it seems to
-wander further, back and forth within half a second, the estimate of its place wanders: as a whole,
-or along the ray of the camera. How much of it is the hand's own is judged by its size: under each
-of some sizes of the error the wandering that is seen has a probability (as a Gaussian process), and
-the answer is the mean of all by these, so that a hand which keeps its place is left alone.
+wander further, within half a second, the estimate of its place wanders: as a whole, or along the
+ray of the camera. Under each of some sizes of the error the wandering that is seen has a
+probability (as a Gaussian process), and the answer is the mean of all by these, so that a hand
+which keeps its place is left alone.
 """
 
 from collections.abc import Iterator

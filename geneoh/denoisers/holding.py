@@ -44,11 +44,9 @@ class HeldPlace:
         translation: Float[Tensor, "B T Q 3"],
         held: Float[Tensor, "B T Q"],
     ) -> "HeldPlace":
-        """On objects of Q parts, world frame, metres.
-
-        `middle` is the mean of the hand's keypoints: people turn objects about it as they hold
-        them. `held` tells how surely the hand holds each part in each frame, 0 to 1.
-        """
+        """On objects of Q parts, world frame, metres. `middle` is the mean of the hand's keypoints,
+        about which people turn what they hold; `held` how surely it holds each part in each frame,
+        0 to 1."""
         each, longest = torch.arange(len(held), device=held.device), held.sum(1).argmax(-1)
         rotation, translation, sure = (x[each, :, longest] for x in (rotation, translation, held))
         place = (rotation.mT @ (middle - translation)[..., None])[..., 0]

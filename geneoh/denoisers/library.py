@@ -49,9 +49,8 @@ class Denoisers:
 def load_denoisers(
     folder: Path | None = None, *, device: torch.device | str = "cpu", paper: bool = True
 ) -> Denoisers:
-    """The networks of all three stages from a folder of STAGE.safetensors; None is for the shipped.
-
-    `paper` asks for the networks in the paper's form as well, for the preset `paper`.
+    """The networks from a folder of STAGE.safetensors; None is for the shipped. `paper` asks for
+    those in the paper's form as well.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.

@@ -1,9 +1,8 @@
 """SpatialDiff in the paper's form, on relations (3.2; appendices A.2, C.4, C.5).
 
-Every contact point predicts the offsets of a whole hand from its position, normal and noisy
-offsets, and eq. (8) averages them. Unlike in the paper, the points of a frame exchange information
-through the mean of their hands and a pooled token: a finger's front and back can be told apart, and
-frames alone cost.
+Every contact point predicts the offsets of a whole hand, and eq. (8) averages them. Unlike in the
+paper, the points of a frame exchange information through the mean of their hands and a pooled
+token: a finger's front and back can be told apart, and frames alone cost.
 """
 
 from dataclasses import dataclass, replace
@@ -60,11 +59,8 @@ class RelationDenoiser(nn.Module):
     def forward(
         self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], scale: WindowScale
     ) -> SpatialRelations:
-        """The clean relations in `noisy` = clean + sigma * noise.
-
-        The canonical frame, in metres; `sigma` is in units of the window, whose `scale` is told.
-        The noise may differ per point.
-        """
+        """The clean relations in `noisy` = clean + sigma * noise, canonical frame, metres; the
+        noise may differ per point. `sigma` is in units of the window, whose `scale` is told."""
         middle = decode_spatial(noisy)
         axes = palm_axes(middle)  # so that the answer turns with the hand
         turned = axes[:, None, None]

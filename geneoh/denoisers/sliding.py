@@ -1,8 +1,7 @@
 """Evidence of an error that lasts: at a wrong place the hand slides over the object that it holds.
 
-A hand that holds an object stays where it is in the object's frame. An error that is constant in
-the world turns there as the object turns, so the hand seems to slide. The network of SpatialDiff
-looks at each frame by itself and cannot see this, and made hands slide less than real ones; so the
+An error that is constant in the world turns in the object's frame as the object turns, so the hand
+seems to slide. The network of SpatialDiff looks at each frame by itself and cannot see this; so the
 density is written down: sliding is normal, of a deviation that is not known beforehand. Beside the
 shift of a hand the place where it holds is free, so a few frames tell nothing.
 """
@@ -68,8 +67,8 @@ class Sliding:
     def log_density(self, shifts: Float[Tensor, "B M 3"]) -> Float[Tensor, "B M"]:
         """Logarithm of the density, up to a constant, at shifts of the whole hand, world, metres.
 
-        It is normal with its deviation integrated out, a Student t: a hand that slides far, as one
-        that lets go does, tells little.
+        Normal with its deviation integrated out, a Student t: a hand that slides far, as one that
+        lets go does, tells little.
         """
         size = ((shifts @ self.square + 2 * self.line[:, None]) * shifts).sum(-1) + self.still
         return -1.5 * self.count * torch.log1p(size.clamp(min=0) / self.least)

@@ -1,10 +1,8 @@
 """TemporalDiff: how the hand moves over the object (paper 3.2; our form of it).
 
-The denoiser is shown the temporal relations of the hand that SpatialDiff leaves, beside those of
-the input, and answers with the clean step of every keypoint over the surface near it, and with how
-sure it is of each step and of each place. `geneoh.fitting.align` finds the hand that agrees with
-both. It answers in one call, without a diffusion. The paper's form, a latent of all relations, is
-`geneoh.denoisers.latent`.
+In one call, without a diffusion, the denoiser answers with the clean step of every keypoint over
+the surface near it, and with how sure it is of each step and of each place. `geneoh.fitting.align`
+finds the hand that agrees with both. The paper's form is `geneoh.denoisers.latent`.
 """
 
 from dataclasses import dataclass

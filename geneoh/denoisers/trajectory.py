@@ -23,13 +23,10 @@ class TrajectoryConfig(NetworkConfig):
 
 
 class TrajectoryDenoiser(nn.Module):
-    """A transformer over frames that maps noisy canonical keypoints to clean ones.
-
-    Keypoints are in units of their window (`WindowScale`), as in the paper. Ours: the network is
-    told the window's deviation, without which it could not know how long bones are. Like
-    `MotionDenoiser` it mixes the noisy sample with low-pass filtered ones, frame by frame and
-    coordinate by coordinate.
-    """
+    """A transformer over frames that maps noisy canonical keypoints, in units of their window
+    (`WindowScale`), to clean ones. Ours: it is told the window's deviation, without which it could
+    not know how long bones are; and like `MotionDenoiser` it mixes the noisy sample with low-pass
+    filtered ones, by frame and coordinate."""
 
     def __init__(self, config: TrajectoryConfig) -> None:
         """Build the network; its last layers start at zero, so it starts as the skip path."""
@@ -46,11 +43,8 @@ class TrajectoryDenoiser(nn.Module):
         sigma: Float[Tensor, " B"],
         deviation: Float[Tensor, " B"],
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints in `x` = clean + sigma * noise, in units of their window.
-
-        `deviation` is that of the window, metres. The mean of the clean keypoints is zero in these
-        units, and so is that of the answer.
-        """
+        """The clean keypoints in `x` = clean + sigma * noise, in units of their window of that
+        `deviation` in metres: both have mean zero."""
         x = centred(x)
         axes = palm_axes(x)[:, None]  # so that the answer turns with the hand
         size = window_size(deviation, x.shape[1])

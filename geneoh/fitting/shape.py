@@ -31,11 +31,9 @@ def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Floa
 
 
 def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float[Tensor, " S"]:
-    """Betas whose bones have nearly the given `bone_lengths`, under a standard normal prior.
-
-    Lengths that are NaN are not known. By Gauss-Newton: lengths are almost linear in the betas, so
-    a few steps reach the optimum.
-    """
+    """Betas whose bones have nearly the given `bone_lengths`, NaN for none, under a standard normal
+    prior. By Gauss-Newton: lengths are almost linear in the betas, so a few steps reach the
+    optimum."""
     mean, basis = _skeleton_basis(model)
     # the bone in row m - 1 of the rest offsets ends in joint or tip m
     order = [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]

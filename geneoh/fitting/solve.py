@@ -12,11 +12,9 @@ def solve_coupled_frames(
     right: Float[Tensor, "S T U"],
     coupling: Float[Tensor, " U"],
 ) -> Float[Tensor, "S T U"]:
-    """Solve M x = right, where frames are coupled by -diag(coupling) between neighbours.
-
-    `matrix` holds the diagonal blocks; the coupling (>= 0) is added to them once per neighbour, so
-    that M is positive definite.
-    """
+    """Solve M x = right, positive definite, with the diagonal blocks `matrix`, to which the
+    `coupling` (>= 0) is added once per neighbour, and -diag(coupling) between neighbouring
+    frames."""
     frames, size = right.shape[1:]
     springs = coupling.expand(frames, size).clone()
     springs[1:-1] *= 2
@@ -34,11 +32,8 @@ def solve_as_band(
     coupling: Float[Tensor, " U"],
     right: Float[Tensor, "S T U"],
 ) -> Float[Tensor, "S T U"]:
-    """Solve M x = right on the CPU, where M has the blocks -diag(coupling) beside its diagonal.
-
-    No entry of M is farther than U from its diagonal: LAPACK's banded Cholesky factor takes a third
-    of the time of one factor per frame.
-    """
+    """Solve M x = right on the CPU, where M has the blocks -diag(coupling) beside its diagonal:
+    LAPACK's banded Cholesky factor takes a third of the time of one factor per frame."""
     frames, size = right.shape[1:]
     blocks = diagonal.cpu().numpy()
     band = np.zeros((len(blocks), size + 1, frames, size), blocks.dtype)
@@ -62,9 +57,8 @@ def solve_by_halves(
     once.
 
     M is positive definite; its rows of frame t+1 hold `beside[t]` in the columns of frame t. Every
-    second frame is eliminated, with one factor each, and the system of the others, half as long,
-    is of the same form (cyclic reduction; Golub and Van Loan, Matrix Computations, 3rd
-    edition, 4.5.4).
+    second frame is eliminated, and the system of the others is of the same form (cyclic reduction;
+    Golub and Van Loan, Matrix Computations, 3rd edition, 4.5.4).
     """
     odd, size = right.shape[1] // 2, right.shape[2]
     factor = torch.linalg.cholesky_ex(diagonal[:, 1::2] if odd else diagonal)[0]

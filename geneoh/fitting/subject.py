@@ -50,15 +50,12 @@ class Subject(Bundle):
     @property
     def fit_trust(self) -> Float[Tensor, "T 21"]:
         """Weight of each keypoint in a fit of the track: filled frames count, so that their hand is
-        that of the interpolated keypoints instead of a relaxed one.
-        """
+        that of the interpolated keypoints instead of a relaxed one."""
         return torch.where(self.trust.amax(-1, keepdim=True) > 0, self.trust, 1.0)
 
     def completed(self, given: HandState) -> "Subject":
-        """The subject whose keypoints without confidence are those of `parameters`.
-
-        Frames that were filled stay as they are.
-        """
+        """The subject whose keypoints without confidence are those of `parameters`; frames that
+        were filled stay as they are."""
         useless = (self.trust == 0) & (self.trust.amax(-1, keepdim=True) > 0)
         made, _ = forward_kinematics(given.rotations[0], given.wrist[0], self.offsets)
         return replace(self, joints=torch.where(useless[..., None], made, self.joints))
@@ -119,10 +116,8 @@ def _posed(
     trust: Float[Tensor, "T 21"],
     skeleton: Float[Tensor, "20 3"],
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a pose with a skeleton, at the given wrist.
-
-    Where the wrist is not trusted the hand is where the trusted keypoints have it.
-    """
+    """Keypoints of a pose with a skeleton at the given wrist or, where that is not trusted, where
+    the trusted keypoints have the hand."""
     made, _ = forward_kinematics(rotations, joints[:, 0], skeleton.expand(len(joints), 20, 3))
     share = trust / trust.sum(-1, keepdim=True).clamp(min=1e-6)
     off = (share[..., None] * (joints - made)).sum(1)

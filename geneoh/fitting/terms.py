@@ -115,10 +115,8 @@ def _kinematics(
 
 
 def pose_term(state: HandState, model: HandModel, prior: float, limit: float) -> Equations:
-    """Distance to a relaxed hand in its own deviations, and overshoot of the joint limits.
-
-    They have the weights `prior`, in deviations of the prior, and `limit`, 1/rad.
-    """
+    """Distance to a relaxed hand in its own deviations, and overshoot of the joint limits, with the
+    weights `prior`, in these deviations, and `limit`, 1/rad."""
     pose = state.pose[..., 1:, :]
     toward = (pose - model.pose_mean[1:]) / model.pose_std[1:] * prior
     over = (pose - model.pose_high[1:]).clamp(min=0) + (pose - model.pose_low[1:]).clamp(max=0)
@@ -145,10 +143,8 @@ class Planes:
 
 
 def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
-    """Signed height of the chosen vertices over their planes, which should be zero.
-
-    The derivative neglects how the pose correctives, about a millimetre, change with the pose.
-    """
+    """Signed height of the chosen vertices over their planes, which should be zero. The derivative
+    neglects how the pose correctives, about a millimetre, change with the pose."""
     verts, normal = planes.verts, planes.normal
     _, turn, centers = _kinematics(state, shaped)
     model = shaped.model
@@ -172,10 +168,8 @@ def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equati
 def steadiness(
     state: HandState, weight: Float[Tensor, " 51"]
 ) -> tuple[Float[Tensor, "S T"], Float[Tensor, "S T 51"]]:
-    """Energy and half gradient of each unknown's change between neighbouring frames.
-
-    That of a local rotation is the axis-angle of R_t^T R_{t+1}; the solver adds this term's matrix.
-    """
+    """Energy and half gradient of each unknown's change between neighbouring frames, for a rotation
+    the axis-angle of R_t^T R_{t+1}; the solver adds this term's matrix."""
     rotations, wrist = state.rotations, state.wrist
     change = matrix_to_axis_angle(rotations[:, :-1].transpose(-1, -2) @ rotations[:, 1:])
     change = torch.cat([change.flatten(-2), wrist.diff(dim=1)], dim=-1)

@@ -51,10 +51,8 @@ def check_heads(width: int, heads: int, unit: int = 2) -> None:
 def rotary(
     x: Float[Tensor, "B H T D"], position: Float[Tensor, " T"] | None = None
 ) -> Float[Tensor, "B H T D"]:
-    """Rotary position embedding: attention depends on distances in frames, not on positions.
-
-    The position of a token is its number where it is not given.
-    """
+    """Rotary position embedding: attention depends on distances in frames, not on positions. Tokens
+    are numbered where no `position` is given."""
     half = x.shape[-1] // 2
     frequency = torch.exp(-math.log(1000.0) * torch.arange(half, device=x.device) / half)
     if position is None:
@@ -91,10 +89,8 @@ class Block(nn.Module):
         position: Float[Tensor, " T"] | None = None,
         seen: Bool[Tensor, "B T"] | None = None,
     ) -> Float[Tensor, "B T D"]:
-        """One residual update of the tokens; `level` embeds the noise level.
-
-        Attention is to the tokens that are `seen`, at least one of each item; None is all of them.
-        """
+        """One residual update of the tokens; `level` embeds the noise level. Attention is to the
+        tokens that are `seen`, at least one of each item; None is all of them."""
         gain_attention, gain_forward = (1 + self.gain(level))[:, None].chunk(2, dim=-1)
         q, k, v = self.qkv(self.norm_attention(tokens) * gain_attention).chunk(3, dim=-1)
         q, k, v = (x.unflatten(-1, (self.heads, -1)).transpose(1, 2) for x in (q, k, v))
@@ -125,10 +121,8 @@ class FrameTransformer(nn.Module):
         position: Float[Tensor, " T"] | None = None,
         seen: Bool[Tensor, "B T"] | None = None,
     ) -> Float[Tensor, "B T D"]:
-        """Tokens after all blocks; `level` is the noise level as `Scaling.level` states it.
-
-        `position` and `seen` are those of `Block`.
-        """
+        """Tokens after all blocks; `level` is the noise level as `Scaling.level` states it,
+        `position` and `seen` are those of `Block`."""
         embedded = self.level(fourier(level, tokens.shape[-1]))
         with self._products(tokens.device.type):
             for block in self.blocks:

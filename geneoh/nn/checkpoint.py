@@ -28,11 +28,7 @@ class Checkpoint:
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint whole or not at all.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
+    """Write a checkpoint whole or not at all; `InputError` where the place cannot be written to."""
     write_tensors(path, checkpoint.tensors, checkpoint.record, parents=True)
 
 
@@ -69,11 +65,8 @@ def load_checkpoint(
 
 
 def finite_output(values: Tensor) -> Tensor:
-    """What a network answers, unchanged.
-
-    Raises:
-        CheckpointError: it is NaN or infinity, as of damaged weights.
-    """
+    """What a network answers, unchanged; `CheckpointError` for NaN or infinity, as of damaged
+    weights."""
     if not bool(values.isfinite().all()):
         raise CheckpointError(
             "expected finite numbers from the networks, got NaN or infinity; their weights are "

@@ -6,11 +6,7 @@ from geneoh.errors import ConfigError
 
 
 def named_device(name: str) -> torch.device:
-    """The torch device of that name.
-
-    Raises:
-        ConfigError: this machine has no such device.
-    """
+    """The torch device of that name; `ConfigError` where this machine has no such device."""
     try:
         device = torch.device(name)
         torch.zeros(1, device=device).item()  # "meta" has no numbers

@@ -18,9 +18,8 @@ Network = TypeVar("Network", bound=nn.Module)
 def load_network(
     path: Path, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
 ) -> Network:
-    """A network of the saved size with the saved weights, for use without training.
-
-    The file is named as its config is in its record.
+    """A network of the saved size with the saved weights, for use without training. The file is
+    named as its config is in its record.
 
     Raises:
         CheckpointError: the file is missing or holds another network.
@@ -66,11 +65,7 @@ def file_or_shipped(name: str, folder: Path | None, shipped: Path) -> Path:
 
 
 def refuse_none_of(names: Sequence[str], folder: Path | None) -> None:
-    """Refuse a folder without weights of any name, for which the shipped ones would be taken.
-
-    Raises:
-        CheckpointError: none is there.
-    """
+    """`CheckpointError` for a folder without any of them: the shipped ones would be taken."""
     if folder is not None and not any((folder / f"{name}.safetensors").is_file() for name in names):
         raise CheckpointError(
             f"{folder}: expected weights of {', '.join(names)} (NAME.safetensors), one or more, "

@@ -1,9 +1,9 @@
 """The object's track: how noisy it is, and the track that is left when the noise is taken out.
 
 The hand is denoised in the object's frame, so what shakes the object shakes the hand. The track is
-examined first: its white noise, from its own differences; the frames that no possible motion
-reaches; the rotations that a symmetric mesh cannot tell apart. What the object does together with
-the palm of a hand is motion. A track that is found exact is returned as it is.
+examined first: its white noise; the frames that no possible motion reaches; the rotations that a
+symmetric mesh cannot tell apart. What the object does together with the palm of a hand is motion. A
+track that is found exact is returned as it is.
 """
 
 from collections.abc import Iterator
@@ -117,11 +117,8 @@ class CleanPart:
 def clean_object(
     motion: ObjectTrack, fps: float, palms: tuple[RigidMotion, ...] = ()
 ) -> tuple[ObjectTrack, ObjectExamination]:
-    """The object's track without its noise, and what was found in it.
-
-    The very same track comes back where all parts are exact. `palms` are those of the hands as they
-    were given, in the same frames.
-    """
+    """The object's track without its noise, and what was found in it; the very same track where all
+    parts are exact. `palms` are those of the hands as they were given, in the same frames."""
     given = (motion.rotation.double().cpu().numpy(), motion.translation.double().cpu().numpy())
     seen = np.ones(given[0].shape[:2], dtype=bool)
     if motion.valid is not None:
@@ -162,10 +159,8 @@ def clean_part(
     seen: Bool[np.ndarray, " T"],
     palms: tuple[RigidMotion, ...] = (),
 ) -> CleanPart:
-    """One part's track without its noise, and what was found in it; frames not `seen` are filled.
-
-    Filled frames have no weight and no confidence.
-    """
+    """One part's track without its noise, and what was found in it. Frames not `seen` are filled,
+    with no weight and no confidence."""
     nowhere = np.zeros(len(seen), dtype=bool)
     exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere)
     if seen.sum() < LEAST_FRAMES:  # noise cannot be told from motion
@@ -217,8 +212,8 @@ def smoothed(
 ) -> CleanPart:
     """A part's track from its chain: smooth where it shakes, else as it is in kept frames.
 
-    `center` is the point of the part whose places are in `views`; `turning` are those of the frames
-    of the chain alone.
+    `views` has the places of the part's point `center`; `turning` those of the frames of the chain
+    alone.
     """
     rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
@@ -275,8 +270,7 @@ def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:
     """How much a step may differ from the one before: `change` at 30 frames a second, or more by a
-    part's own steps (N, 3), radians or metres.
-    """
+    part's own steps (N, 3), radians or metres."""
     return max(change * 30 / fps, MOTION_LIMIT * float(np.median(np.linalg.norm(steps, axis=1))))
 
 

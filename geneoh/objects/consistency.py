@@ -103,11 +103,8 @@ def possible_places(
 
 
 def largest_bend(steps: Float[np.ndarray, "N 3"]) -> float:
-    """How much a step differs most from the one before, radians or metres.
-
-    Where that is less than the limit, a chain keeps all frames: to leave one out would only cost
-    what it is worth.
-    """
+    """How much a step differs most from the one before, radians or metres. Where that is less than
+    the limit, a chain keeps all frames: to leave one out would only cost what it is worth."""
     return float(np.linalg.norm(np.diff(steps, axis=0), axis=1).max(initial=0))
 
 
@@ -161,12 +158,9 @@ def nearest_turn(
     reach: Float64[np.ndarray, " N"],
     symmetry: Symmetry,
 ) -> tuple[Float64[np.ndarray, " N"], Bool[np.ndarray, " N"], Float64[np.ndarray, "N 3 3"]]:
-    """How far a rotation is from resting and from turning on, after a rotation onto itself.
-
-    Returns:
-        Radians, whether a new rotation of the mesh onto itself was needed to come within `reach`,
-        and the rotation onto itself.
-    """
+    """How far a rotation is from resting and from turning on, after a rotation onto itself,
+    radians; whether a new one of these was needed to come within `reach`; and that rotation onto
+    itself."""
     plain = np.minimum(*(angles(turn, matrix @ carried) for turn in expected))
     other, least = symmetry.nearest(matrix, expected[0])
     changed = (plain >= reach) & (least < reach)

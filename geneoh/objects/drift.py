@@ -1,9 +1,9 @@
 """How much of the noise of a part's poses drifts, beside the white noise that they have.
 
-The noise of an estimator drifts by about as much as it shakes; white noise does not drift. Where
-the part rests in the world the two differ, and it may rest wherever drift of that size explains its
-track better than motion does. There the likelihoods of the track with drift and without are
-compared. The frames of hands are not asked: a hand that was cleaned against the object drifts too.
+Where a part rests in the world the two differ, and it may rest wherever drift as large as the white
+noise explains its track better than motion does. There the likelihoods of the track with drift and
+without are compared. The frames of hands are not asked: a hand that was cleaned against the object
+drifts too.
 """
 
 import math
@@ -49,11 +49,9 @@ def size_of_drift(
 def log_likelihood(
     track: Float64[np.ndarray, "T N"], size: float, count: int, frames: float
 ) -> Float64[np.ndarray, " S"]:
-    """Of each stretch of `count` frames of a track that rests, up to a constant.
-
-    The coordinates have white noise of deviation 1, and a drift of the deviation `size` that is
-    correlated over `frames`.
-    """
+    """Of each stretch of `count` frames of a track that rests, up to a constant: its coordinates
+    have white noise of deviation 1, and a drift of the deviation `size` that is correlated over
+    `frames`."""
     time = np.arange(count)
     centered = np.eye(count) - 1 / count
     drift = centered @ np.exp(-np.abs(time[:, None] - time) / frames) @ centered

@@ -1,7 +1,7 @@
 """How far an object's track can be relied on, frame by frame: what falls back to the hand's own.
 
-Cleaning takes the white noise out of the object's poses, and not what lasts: noise of an estimator
-drifts by as much as it shakes. A pose that is off by more than contact says nothing about contact.
+Cleaning takes the white noise out of the object's poses, and not what lasts. A pose that is off by
+more than contact says nothing about contact.
 """
 
 import math
@@ -74,11 +74,8 @@ UNPROVEN = 3.0
 def evidence_of_poses(
     examined: ObjectExamination, motion: ObjectTrack, fps: float
 ) -> Float[Tensor, "T Q"]:
-    """Share, 0 to 1, by which each pose of an examined track is relied on; 1 where it is exact.
-
-    A part that was never seen is none that a hand deals with, and has 1. `examined` is what was
-    found in the given track, `motion` the track after cleaning.
-    """
+    """Share, 0 to 1, by which each pose of an examined track is relied on; 1 where it is exact, and
+    for a part that was never seen. `motion` is the track after cleaning."""
     found = torch.ones_like(examined.confidence)
     lost = examined.confidence == 0
     doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
@@ -147,10 +144,8 @@ def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
 def acceleration_around(
     motion: ObjectTrack, part: int, kept: Bool[np.ndarray, " T"], fps: float
 ) -> Float64[np.ndarray, " T"]:
-    """How much a part's surface accelerates in the seen frames around each one, metres per frame².
-
-    The root mean square over some of its vertices and the frames, weighed by a Gaussian.
-    """
+    """How much a part's surface accelerates in the seen frames around each one, metres per frame²:
+    the root mean square over some of its vertices and the frames, weighed by a Gaussian."""
     verts = motion.meshes[part].verts
     verts = verts[:: max(1, len(verts) // 16)].double()
     rotation, translation = motion.rotation[:, part].double(), motion.translation[:, part].double()
@@ -241,11 +236,9 @@ def gripping(
 
 
 def evidence_of_place(width: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
-    """1 where contact tells the place of the hand, 0 where it fits many places alike.
-
-    A noisy hand that is near the object without touching it would fit better elsewhere, but no
-    place of its own. `width` is the deviation of the place that SpatialDiff finds, metres.
-    """
+    """1 where contact tells the place of the hand, 0 where it fits many places alike, as one does
+    that is near the object without touching it. `width` is the deviation of the place by
+    SpatialDiff, metres."""
     return share_between(width, CLEAR, UNCLEAR).to(width)
 
 

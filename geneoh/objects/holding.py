@@ -1,8 +1,6 @@
-"""What an object may rest in: the world, where it lies, and hands, which hold it.
-
-A hand holds an object rigidly, or loosely: then the object stays about one grip, give or take what
-it was seen to move in the hand beyond its noise.
-"""
+"""What an object may rest in: the world, where it lies, and hands, which hold it, rigidly or
+loosely: then it stays about one grip, give or take what it was seen to move in the hand beyond its
+noise."""
 
 from dataclasses import dataclass
 

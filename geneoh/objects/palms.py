@@ -1,7 +1,7 @@
 """What hands tell of an object's motion: what the object does together with a hand is no noise.
 
-A bottle that is shaken four times a second leaps from frame to frame as the pose of a poor
-estimator does. Seen from the palm that shakes it, it rests; noise of its poses shakes it there too.
+A bottle that is shaken leaps from frame to frame as the pose of a poor estimator does. Seen from
+the palm that shakes it, it rests; noise of its poses shakes it there too.
 """
 
 from collections.abc import Callable

@@ -1,13 +1,11 @@
 """Hands and object together: what lasts of the object's noise, told apart by the hands and by rest.
 
-Smoothing takes the white noise out of a track. The noise of estimators also drifts, which looks
-like motion. But an object moves for one reason only: a hand moves it. So the track and a drift of
-its observation are solved for together, by least squares over all frames: wherever drift alone may
-explain that the object does not seem to rest, in the world or in a hand, it rests there. A hand
-that holds it loosely has it back in the same grip, give or take what it was seen to move in the
-hand beyond its noise. How much of the noise drifts is told by the stretches in which the object
-rests in the world (`geneoh.objects.drift`). No pose is taken farther from the smooth track than its
-noise explains.
+Drifting noise looks like motion, but an object moves for one reason only: a hand moves it. So the
+track and a drift of its observation are solved for together, by least squares over all frames:
+wherever drift alone may explain that the object does not seem to rest, in the world or in a hand,
+it rests there. A hand that holds it loosely has it back in the same grip
+(`geneoh.objects.holding`). How much of the noise drifts is told by `geneoh.objects.drift`. No pose
+is taken farther from the smooth track than its noise explains.
 """
 
 from collections.abc import Sequence
@@ -187,14 +185,13 @@ def solve(
     """The track x of least energy beside the drift d of its observation.
 
     Args:
-        seen: x + d + white noise.
-        weight: of the observations.
+        seen: x + d + white noise, with the `weight` of each frame.
         sizes: deviations of the white noise and of the drift.
         stay: share of the drift that stays from frame to frame.
         loose: how much less the drift may be, in units of its precision.
-        held: for each hand, the points (T, 3) where x is by its grip, and the weights (T,) of that.
+        held: for each hand, the points (T, 3) where x is by its grip, and their weights (T,).
         moves: for each frame of reference, turns (N, 3, 3) and shifts (N, 3) by which x moves from
-            one frame to the next, and the weights (N,) of that.
+            one frame to the next, and their weights (N,).
         bend: second differences that x should have, with their weights `stiff`.
     """
     count = len(seen)

@@ -94,8 +94,8 @@ def smooth_points(
 ) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
     """The smooth track of a point, and the weight that each frame had in it, 0 to 1.
 
-    Two frames or more are `trusted`, and the others do not matter; `noise` is the deviation of
-    their coordinates, in the unit of these.
+    Two frames or more are `trusted`; `noise` is the deviation of their coordinates, in the unit of
+    these.
     """
     track = interpolated(observed, trusted)
     filled = np.where(trusted[:, None], observed, track)

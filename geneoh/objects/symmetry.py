@@ -1,9 +1,5 @@
-"""Rotations of a mesh onto itself: the ambiguity that a pose estimator cannot resolve.
-
-Estimators turn a nearly symmetric object (a bottle, a box, a ball) by any rotation of its symmetry
-from one frame to the next. The axes are found from the mesh itself: an axis is one of symmetry when
-the surface, turned about it, stays on itself.
-"""
+"""Rotations of a mesh onto itself: the ambiguity that a pose estimator cannot resolve, which turns
+a nearly symmetric object (a bottle, a box, a ball) by any of them from one frame to the next."""
 
 from dataclasses import dataclass
 
@@ -47,12 +43,9 @@ class Symmetry:
     def nearest(
         self, rotation: Float64[np.ndarray, "3 3"], wanted: Float64[np.ndarray, "N 3 3"]
     ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, " N"]]:
-        """The equivalent of one rotation that is nearest to each wanted one.
-
-        Returns:
-            The rotation of the mesh onto itself to apply before `rotation`, and the angle that is
-            left to the wanted rotation, in radians.
-        """
+        """The equivalent of one rotation that is nearest to each wanted one: the rotation of the
+        mesh onto itself to apply before it, and the angle that is left to the wanted one,
+        radians."""
         if self.is_ball:
             return rotation.T @ wanted, np.zeros(len(wanted))
         traces = np.einsum("nij,ik,skj->ns", wanted, rotation, self.rotations)
@@ -109,11 +102,8 @@ def distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.
 
 
 def area_moments(mesh: Mesh) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, "A 3"]]:
-    """The middle of a surface by area, and axes that may be ones of symmetry.
-
-    Every axis of symmetry passes through that middle. They are axes of inertia, or any where two
-    moments are equal: then those of the mesh's own frame are tried as well.
-    """
+    """The middle of a surface by area, and axes that may be ones of symmetry: axes of inertia, or
+    any where two moments are equal, so those of the mesh's own frame are tried as well."""
     corners = mesh.corners().double().numpy()
     areas = mesh.face_vectors().double().norm(dim=-1).numpy() / 2
     center = np.average(corners.mean(1), axis=0, weights=areas)

@@ -1,9 +1,6 @@
-"""A hand without an object: what MotionDiff is shown, and what is measured of it.
-
-MotionDiff sees every hand in a canonical frame, with the object's surface where there is one. Far
-from any surface all that it reads of the object is zero, so that a hand alone is one more natural
-case for it: the canonical frame stands still in the world, in the middle of the hand's own path.
-"""
+"""A hand without an object, which is one more natural case for MotionDiff: far from any surface all
+that it reads of the object is zero. The canonical frame stands still in the world, in the middle of
+the hand's path."""
 
 import math
 from dataclasses import dataclass, fields
@@ -54,10 +51,8 @@ class HandAlone(StageContext):
 
 
 def hand_alone(subject: Subject, fps: float) -> HandAlone:
-    """The context of a hand in a frame that stands still in the world.
-
-    Its axes are those of the mean palm, so that a scene may lie in any way.
-    """
+    """The context of a hand in a frame that stands still in the world, with the axes of the mean
+    palm: a scene may lie in any way."""
     joints = subject.joints
     axes, middle = palm_axes(joints[None])[0], joints.mean((0, 1))
     return HandAlone(
@@ -81,12 +76,9 @@ def measure_hand(
     *,
     within: float = TOUCH,
 ) -> tuple[InteractionReport, Float[Tensor, "T 5"] | None]:
-    """The report of a hand and its object over the valid frames, and how far each finger's skin is
-    off in all frames, metres.
-
-    Distances are exact up to `within`. Without an object the report has NaN for all but frames and
-    acceleration.
-    """
+    """The report of a hand and its object over the valid frames, with NaN for what needs an object
+    where there is none; and how far each finger's skin is off in all frames, metres, exact up to
+    `within`."""
 
     def verts_of(frames: slice) -> Float[Tensor, "N V 3"]:
         return shaped.verts_from_rotations(state.rotations[0, frames], state.wrist[0, frames]).verts

@@ -132,10 +132,8 @@ class StageContext(ObjectSurface):
         return ObjectSurface(points, normals, self.part.expand(batch, -1), rotation, translation)
 
     def evidence(self, observed: HandParameters, hand: HandParameters) -> SpatialEvidence:
-        """What tells SpatialDiff the place of each window, from the mean of all samples of a hand.
-
-        They come out of MotionDiff; `observed` is the one that went in.
-        """
+        """What tells SpatialDiff the place of each window, from the mean of all samples of a hand
+        as they come out of MotionDiff; `observed` is the one that went in."""
         joints = self.windows(hand.joints.mean(0, keepdim=True))
         surface = self.surface_windows()
         before = repeated(observed, len(hand.wrist))
@@ -148,10 +146,8 @@ class StageContext(ObjectSurface):
         return SpatialEvidence.around(surface, joints, ray, track)
 
     def sliding(self, joints: Float[Tensor, "T 21 3"], track: Float[Tensor, "W 12"]) -> Sliding:
-        """How a hand slides over what it holds in each window and around it.
-
-        `track` tells how noisy each window was (`track_cues`).
-        """
+        """How a hand slides over what it holds in each window and around it; `track` tells how
+        noisy each window was (`track_cues`)."""
         around, moving = self._around_windows(), self._holding(joints)
         held = HeldPlace.of(*(values[around] for values in moving))
         return Sliding.of(held, track, self.size / around.shape[1])
@@ -161,8 +157,8 @@ class StageContext(ObjectSurface):
     ) -> Float[Tensor, "T 3"]:
         """The error of a hand's place that drifts, by what it holds in each window and around it.
 
-        A track shorter than a window shows no usual place from which it could drift: 0. `track`
-        tells how noisy each window was (`track_cues`).
+        A track shorter than a window shows no usual place from which it could drift: 0. `track` is
+        that of `sliding`.
         """
         if self.frames < WINDOW:
             return torch.zeros_like(joints[:, 0])
@@ -259,10 +255,8 @@ class Piece(NamedTuple):
     def steps(
         self, observed: Float[Tensor, "1 F 21 3"], joints: Float[Tensor, "1 F 21 3"]
     ) -> TemporalEvidence:
-        """What tells TemporalDiff how the hand `joints` moves over the surface, in each window.
-
-        `observed` is the hand before MotionDiff, in the frames of the piece.
-        """
+        """How the hand `joints` moves over the surface in each window, as TemporalDiff sees it;
+        `observed` is the hand before MotionDiff, in the frames of the piece."""
         trust = self.context.trust.mean(-1)[None]
         evidence = TemporalEvidence.at(self.context.surface, joints, observed, trust)
         return evidence.map(self.context.windows)

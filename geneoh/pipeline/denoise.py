@@ -216,11 +216,8 @@ def _fitted(
     seed: int,
     on_progress: OnProgress | None,
 ) -> FittedHand:
-    """One normalised hand: three stages, selection, fit.
-
-    Frames fall back to the hand alone by as much as `relied`, how far the poses of the object's
-    parts are relied on, is below 1.
-    """
+    """One normalised hand: three stages, selection, fit. Frames fall back to the hand alone by as
+    much as `relied`, how far the poses of the object's parts are relied on, is below 1."""
     generator = torch.Generator().manual_seed(seed)
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
     given = subject.parameters()
@@ -280,9 +277,7 @@ def _fit(
     on_step: OnStep,
 ) -> tuple[HandState, ShapedHand, Tensor]:
     """Hand parameters, shape and betas that are fitted to the target, from those of the input on.
-
-    Filled frames count like observed ones, because the stages have filled them.
-    """
+    Filled frames count like observed ones, because the stages have filled them."""
     trust = torch.ones_like(target[..., 0])
     model = subject.shaped.model
     if isinstance(chosen.fit, AdamFitConfig):

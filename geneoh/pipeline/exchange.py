@@ -86,10 +86,9 @@ def cheapest(
 ) -> Bool[Tensor, " T"]:
     """The frames that are exchanged at the least cost, by dynamic programming.
 
-    Args:
-        curl: by how much the fingers of both hands bend, in lengths of a palm.
-        kept: cost of each step from a frame to the next if both have the same labels.
-        changed: the same if the labels are changed between them.
+    `curl` is by how much the fingers of both hands bend, in lengths of a palm; `kept` what each
+    step to the next frame costs if both have the same labels, `changed` if these are changed
+    between them.
     """
     each = torch.stack([(-curl - FLAT).clamp(min=0), (curl + FLAT).clamp(min=0)]).T.tolist()
     costs, before = each[0], []

@@ -2,8 +2,7 @@
 
 Trackers that lose a hand repeat their last answer, follow another hand, turn it over, or take it
 for one of the other side. Networks that have learned from noise around the true hand follow such
-frames; without them they fill in what lies between the others. A hand that leaps with its object
-shakes it.
+frames, and fill in what is missing.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -149,10 +148,8 @@ class Track:
         views: Iterable[np.ndarray | Rotation],
         find: Callable[[Any], Bool[np.ndarray, " N"]],
     ) -> Bool[Tensor, " T"]:
-        """Frames that are found in the world and as each part of the object sees the hand.
-
-        `find` is asked for each shot of each view, frames first.
-        """
+        """Frames that are found in the world and as each part of the object sees the hand; `find`
+        is asked for each shot of each view, frames first."""
         frames = ~self.nothing
         for view in views:
             each = np.concatenate([find(view[shot]) for shot in self.shots])

@@ -36,10 +36,8 @@ class FirstLook:
     def push(self, seen: Observed, where: str) -> tuple[str, ...]:
         """Take a frame as the user gave it; the one that ends the look gives what is doubtful.
 
-        `where` is what messages call the frame.
-
-        Raises:
-            InputError: the frames can be no interaction. This one is not taken.
+        `where` is what messages call the frame. `InputError` where the frames can be no
+        interaction: this one is not taken.
         """
         if self._done or not (self._frames or seen.hand):
             return ()
@@ -52,11 +50,8 @@ class FirstLook:
         return self._looked(frames, where)
 
     def end(self, where: str) -> tuple[str, ...]:
-        """What is doubtful where the stream ends before the look does.
-
-        Raises:
-            InputError: the frames can be no interaction.
-        """
+        """What is doubtful where the stream ends before the look does; `InputError` as in
+        `push`."""
         return self._looked(self._frames, where) if self._frames else ()
 
     def _looked(self, frames: list[Observed], where: str) -> tuple[str, ...]:

@@ -59,10 +59,8 @@ class FittedHand:
         return self.near * self.poses
 
     def skin(self, frames: slice, *, given: bool = False) -> ChangingSurface:
-        """The skin in some frames in the world, in which the hand may be a left one.
-
-        Of the result, or of the input where that was `given`.
-        """
+        """The skin of the result in some frames of the world, in which the hand may be a left one;
+        or of the input where that was `given`."""
         shaped, state = (self.subject.shaped, self.given) if given else (self.shaped, self.state)
         state = state[frames]
         verts = shaped.verts_from_rotations(state.rotations[0], state.wrist[0]).verts
@@ -73,10 +71,8 @@ class FittedHand:
         return skin.mirrored() if self.hand.mirrored else skin
 
     def leaving(self, other: ChangingSurface, frames: slice, kept: slice) -> "FittedHand":
-        """The hand fitted anew in some frames, half the way out of another one's skin.
-
-        Those of the frames are changed that are to be `kept`.
-        """
+        """The hand fitted anew in some frames, of which those `kept` change, half the way out of
+        another one's skin."""
         assert isinstance(self.preset.fit, FitConfig), "hands are fitted by least squares"
         target = self.target[:, frames]
         surface = self.surface if self.preset.contact else None
@@ -131,10 +127,8 @@ class FittedHand:
 
 @torch.no_grad()
 def kept_apart(hands: list[FittedHand]) -> tuple[list[FittedHand], tuple[float, float] | None]:
-    """Two hands that are not inside each other, and `Denoised.hands_in_each_other`.
-
-    Where they only touch or are apart they stay as they are.
-    """
+    """Two hands that are not inside each other, which stay as they are where they only touch; and
+    `Denoised.hands_in_each_other`."""
     if len(hands) < 2:
         return hands, None
     before, depth = (_depth_between(hands, given=given) for given in (True, False))

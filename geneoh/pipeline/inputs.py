@@ -17,11 +17,8 @@ from geneoh.sequence.validation import check_sequence, collapsed, without_collap
 def as_sequence(
     given: Sequence | Path | str, obj: Path | str | Iterable[Path | str] | None
 ) -> Sequence:
-    """The sequence that is given or is in the file that is named, with the meshes of its object.
-
-    Raises:
-        InputError: it is neither, or cannot be read.
-    """
+    """The sequence that is given or is in the file that is named, with the meshes of its object;
+    `InputError` for what is neither, or cannot be read."""
     if isinstance(given, Path | str):
         return load(given, obj=obj)
     if not isinstance(given, Sequence):
@@ -37,10 +34,8 @@ def as_sequence(
 
 
 def own(values: Tensor, found: list[bool]) -> Tensor:
-    """Values that are no part of the caller's gradients and can be part of ours.
-
-    `found` is told whether they were not before.
-    """
+    """Values that are no part of the caller's gradients and can be part of ours; `found` is told
+    whether they were not before."""
     found.append(values.requires_grad or values.is_inference())
     return values.clone() if values.is_inference() else values.detach()
 
@@ -50,8 +45,8 @@ def checked_interaction(sequence: Sequence) -> Sequence:
     are collapsed to a point, or zeros.
 
     Raises:
-        InputError: a mesh without a surface or of another unit, or numbers that can be no
-            interaction; the first fault that is found, with its remedy.
+        InputError: the first fault that is found: a mesh without a surface or of another unit, or
+            numbers that can be no interaction.
     """
     for mesh in sequence.object.meshes:
         name = str(mesh.source or sequence.source or "the mesh")

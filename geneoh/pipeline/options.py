@@ -101,13 +101,8 @@ class Options:
 def with_settings(
     options: Options | None, settings: Mapping[str, Any], caller: str = "geneoh.denoise"
 ) -> Options:
-    """The options, or the default ones, with some of their fields changed by name.
-
-    `caller` is what messages call the function that was given the settings.
-
-    Raises:
-        ConfigError: these are no options, or a field does not exist or has no such value.
-    """
+    """The options, or the default ones, with some of their fields changed by name; `ConfigError`
+    for what is none. `caller` is what messages call the function that was given the settings."""
     options = Options() if options is None else options
     if not isinstance(options, Options):
         raise ConfigError(

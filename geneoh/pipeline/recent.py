@@ -1,8 +1,8 @@
 """A right hand at 30 frames a second that is cleaned as it comes, from its last two seconds.
 
-Every few frames the three stages see one window of the networks, which ends with the newest frame.
-Where two windows overlap, the targets of the fit are blended; the fit of new frames holds on to the
-frames that are out already, so that no seam shows.
+Every few frames the three stages see one window, which ends with the newest frame. Where two
+windows overlap, the targets of the fit are blended, and it holds on to the frames that are out
+already, so that no seam shows.
 """
 
 from collections import deque
@@ -119,11 +119,8 @@ class RecentHand:
         lag: int,
         seed: int,
     ) -> None:
-        """Begin without frames.
-
-        No frame of `motion` is read; `surface` is the same object with its search trees, or None
-        without a mesh. `model` is the right hand, `lag` the frames after which one is cleaned.
-        """
+        """Begin without frames. `surface` is the object of `motion`, of which no frame is read,
+        with its search trees, or None without a mesh; `model` is the right hand."""
         self._meshes, self._surface, self._model = motion.meshes, surface, model
         self._denoisers, self._chosen, self._lag = denoisers, chosen, lag
         self._generator = torch.Generator().manual_seed(seed)
@@ -141,10 +138,8 @@ class RecentHand:
         self._target: tuple[int, Tensor] | None = None
 
     def push(self, frame: Observed) -> HandTrack | None:
-        """Take the next frame and give the one that is `lag` older.
-
-        None where there is none yet, or no hand was seen in the two seconds before.
-        """
+        """Take the next frame and give the one that is `lag` older; None where there is none yet,
+        or no hand was seen in the two seconds before."""
         self._new.append(frame)
         self._pushed += 1
         self._observed += frame.hand is not None
@@ -264,9 +259,8 @@ class RecentHand:
     ) -> tuple[
         MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " T"], Float[Tensor, " 2"] | None
     ]:
-        """The object without its noise, None without an object; how far its poses are relied on;
-        how far the hand is taken to deal with it; and the noise.
-        """
+        """The object without its noise, None without one; how far its poses are relied on and the
+        hand is taken to deal with it; and the noise."""
         whole = subject.joints.new_ones(len(subject.joints))
         relied, near, noise = whole[:, None], whole, None
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
@@ -288,10 +282,8 @@ class RecentHand:
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:
-        """The target of a window, to which that of the windows before crosses where they overlap.
-
-        The new one counts more from frame to frame, so that what is out goes on without a jump.
-        """
+        """The target of a window, to which that of the windows before crosses where they overlap:
+        from frame to frame the new one counts more, so that what is out goes on without a jump."""
         if self._target is not None:
             begin, before = self._target
             before = before[max(first - begin, 0) :]

@@ -19,8 +19,8 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 def result_at_times(result: Denoised, time: Float[Tensor, " N"]) -> Denoised:
     """The same motion at times in frames from its start, one for each frame of the new result.
 
-    `after` is measured anew; samples, and what is told of the input, stay as they are. The hands
-    must be those of the embedded model, and the sequence at 30 frames a second.
+    `after` is measured anew; all else stays. The hands must be those of the embedded model, at 30
+    frames a second.
     """
     sequence = at_times(result.sequence, time)
     nearest = instants(time, result.sequence.frames).nearest

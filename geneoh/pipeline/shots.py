@@ -23,10 +23,8 @@ def cuts_in(sequence: Sequence) -> list[int]:
 
 
 def common_shots(sequence: Sequence) -> list[slice]:
-    """The shots between cuts that can be cleaned by themselves; others are joined.
-
-    Every hand is observed in each of them, and so is an object that is observed at all.
-    """
+    """The shots between cuts in each of which every hand is observed, and the object if it ever is:
+    they can be cleaned by themselves. Others are joined."""
 
     def is_whole(shot: slice) -> bool:
         part = sequence[shot]

@@ -1,8 +1,6 @@
-"""A hand track as a layer of the `smplx` package, for body models, renderers and optimisers.
-
-Only this module imports smplx, and only when it is asked for a layer: the software licence of smplx
-is non-commercial, and nothing else in geneoh needs it.
-"""
+"""A hand track as a layer of the `smplx` package, for body models, renderers and optimisers. Only
+this module imports smplx, whose licence is non-commercial, and only when it is asked for a
+layer."""
 
 from contextlib import redirect_stdout
 from os import devnull

@@ -68,7 +68,7 @@ class StageRun:
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
         """Samples against the object as far as it is relied on, else of the hand alone.
 
-        `poses` and `near` are the arguments of `geneoh.objects.evidence.blended`. Also `near` after
+        `poses` and `near` are those of `geneoh.objects.evidence.blended`. Also `near` after
         SpatialDiff, which tells whether the hand is at the object.
         """
         samples = None
@@ -97,9 +97,8 @@ class StageRun:
     def samples(
         self, context: StageContext, preset: Preset
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
-        """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch.
-
-        Also the deviation of the place that SpatialDiff finds, metres; None where it is not asked.
+        """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch; and the
+        deviation of the place that SpatialDiff finds, metres, if it is asked.
 
         Raises:
             CheckpointError: a network answers with NaN or infinity, or with a hand far away.

@@ -1,8 +1,8 @@
 """Single keypoints that a tracker put apart from the hand: they count for nothing.
 
 A hand is rigid but for its joints. Where the distance of two neighbouring keypoints is not what it
-is in the other frames, one of them is wrong; networks that have learned from noise of whole hands
-bend every frame around it.
+is in the other frames, one of them is wrong, and would make the networks bend every frame around
+it.
 """
 
 from dataclasses import replace

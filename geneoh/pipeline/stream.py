@@ -310,11 +310,9 @@ class Stream:
         return Observed(hand, self._other_side(seen.object).to(self._device))
 
     def _paced(self, now: Observed) -> list[Observed]:
-        """The frames of the networks that lie after the frame before and not after this one.
-
-        Of several frames between two of the networks, what the last one lacks is that of those
-        before it.
-        """
+        """The frames of the networks that lie after the frame before and not after this one. Of
+        several frames between two of the networks, what the last one lacks is that of those before
+        it."""
         before, self._before = self._before or now, now
         first = (self._count - 1) * self._rate
         last = round(self._count * self._rate, DIGITS)

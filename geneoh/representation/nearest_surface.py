@@ -63,10 +63,8 @@ class Nearest(NamedTuple):
 
 
 def nearest_on_parts(joints: Float[Tensor, "B T N 3"], surface: ObjectSurface) -> Nearest:
-    """`nearest_points` in the world, where each surface point moves with its part of the object.
-
-    They are compared in the frame of the part, which is faster than to move all points.
-    """
+    """`nearest_points` in the world, where each surface point moves with its part of the object;
+    they are compared in the frame of the part, which is faster than to move all points."""
     found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
     least = joints.new_full(joints.shape[:-1], torch.inf)
     part = torch.zeros_like(least, dtype=torch.long)

@@ -1,9 +1,6 @@
-"""Steps of keypoints over the object: temporal relations in the form that the stages of ours use.
-
-The paper's T (3.1) has the velocity of every keypoint relative to every contact point; here it has
-that relative to the one surface point that is nearest to it, because a finger slides on what it
-touches. T of all contact points is in `geneoh.representation.temporal`.
-"""
+"""Steps of keypoints over the object: temporal relations in the form that the stages of ours use,
+relative to the one surface point that is nearest to a keypoint, because a finger slides on what it
+touches. The paper's T, of all contact points, is in `geneoh.representation.temporal`."""
 
 from dataclasses import dataclass
 
