@@ -18,8 +18,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 
-FRAMES = "T"
-"""Name of the frame axis in the annotations."""
+FRAMES = "T"  # name of the frame axis in the annotations
 
 Index = slice | Tensor | np.ndarray | list
 """Entries along one axis: a slice, a mask or indices; the axis stays."""

@@ -10,8 +10,7 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, ...] = get_args(Side)
 OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
 
-HandsName = Literal["left hand", "right hand", "both hands"]
-"""Hands that a sentence asks for."""
+HandsName = Literal["left hand", "right hand", "both hands"]  # hands that a sentence asks for
 HANDS: tuple[HandsName, ...] = get_args(HandsName)
 TAKING_PART: dict[HandsName, tuple[bool, bool]] = {
     "left hand": (True, False),
@@ -83,8 +82,7 @@ ActionDataset = Literal["synthetic", AnnotatedSource]
 """Where the actions come from on which a generator of interactions is scored."""
 ACTION_DATASETS: tuple[ActionDataset, ...] = get_args(ActionDataset)
 
-GeneratorName = Literal["text2hoi", "both2hands"]
-"""Generators that `geneoh eval` scores."""
+GeneratorName = Literal["text2hoi", "both2hands"]  # generators that `geneoh eval` scores
 GENERATORS: tuple[GeneratorName, ...] = get_args(GeneratorName)
 
 StageName = Literal[
@@ -137,16 +135,14 @@ OF_SOURCES = ("objects", "body", "translation", "swap_parts", "mean_pose", "foca
 Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
-CELL_LIMITS = (64, 2048)
-"""The least and the largest side of one picture in a filmstrip, pixels."""
+CELL_LIMITS = (64, 2048)  # the least and the largest side of one picture in a filmstrip, pixels
 
 Refiner = Literal["geneoh", "paper", "none"]
 """What mends the hands of a generated interaction: the cleaner of `geneoh denoise`, the refiner of
 Text2HOI, or nothing."""
 REFINERS: tuple[Refiner, ...] = get_args(Refiner)
 
-SEED_LIMITS = (0, 2**63 - 1)
-"""The least and the largest seed of random draws."""
+SEED_LIMITS = (0, 2**63 - 1)  # the least and the largest seed of random draws
 
 CLEANING: dict[str, tuple[float, float]] = {
     "samples": (1, math.inf),
@@ -167,5 +163,4 @@ STEPS, GUIDANCE, DRAWS = 12, 2.0, 8
 """Its denoising steps, guidance and number of draws by default; bodies take as many steps."""
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
-AXES: tuple[Axis, ...] = get_args(Axis)
-"""Signed axes of the world, to say which one points up."""
+AXES: tuple[Axis, ...] = get_args(Axis)  # signed axes of the world, to say which one points up

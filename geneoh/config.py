@@ -32,8 +32,7 @@ Result = TypeVar("Result")
 
 Limits = Mapping[str, tuple[int | float, int | float]]
 """The least and the largest value of numbers, by the names of fields."""
-NONE_WORDS = ("none", "null")
-"""Words for None in `a.b=c`; TOML has none."""
+NONE_WORDS = ("none", "null")  # words for None in `a.b=c`; TOML has none
 
 
 def configured(base: Config, path: Path | None = None, settings: Iterable[str] = ()) -> Config:

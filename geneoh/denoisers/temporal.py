@@ -23,11 +23,9 @@ from geneoh.sequence.keypoints import palm_axes
 STEP_UNIT = 0.003  # typical step of a keypoint over the surface between frames, metres
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 SMOOTHING = (1.0, 2.5, 6.0)  # deviations in frames of the Gaussians whose smoothed steps are read
-TEMPORAL_FEATURES = 3 + 60 + 5 * 63 + 2 * 21 + 6 + 1
-"""Width of `TemporalEvidence.features`."""
+TEMPORAL_FEATURES = 3 + 60 + 5 * 63 + 2 * 21 + 6 + 1  # width of `TemporalEvidence.features`
 CANDIDATES = 2 + len(SMOOTHING)  # changes of each step that the network mixes
-ANSWERS = 21 * (CANDIDATES + 3 + 2)
-"""Numbers that the network answers per frame."""
+ANSWERS = 21 * (CANDIDATES + 3 + 2)  # numbers that the network answers per frame
 SHAKING = 0.008  # deviation of an input whose places are not relied on, metres
 LEAST_NOISE = 0.05  # least share of that
 SURENESS = 6.0  # largest size of the logarithm of a weight
@@ -113,8 +111,7 @@ class StepCorrection(Bundle):
     which has no next one, repeats the one before."""
     steps: Float[Tensor, "B T 21"]
     """Logarithm of the weight of each step, relative to the usual one."""
-    places: Float[Tensor, "B T 21"]
-    """The same of each place: that the keypoint stays where it is."""
+    places: Float[Tensor, "B T 21"]  # the same of each place: that the keypoint stays where it is
 
 
 class TemporalDenoiser(nn.Module):

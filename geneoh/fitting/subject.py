@@ -36,8 +36,7 @@ class Subject(Bundle):
     offsets: Float[Tensor, "1 20 3"]
     """The subject's own skeleton: exact where pose and joints are given, else that of `shaped`."""
     joints: Float[Tensor, "T 21 3"]
-    trust: Float[Tensor, "T 21"]
-    """`HandTrack.trust`: 0 in frames that were filled."""
+    trust: Float[Tensor, "T 21"]  # `HandTrack.trust`: 0 in frames that were filled
     start: HandState | None  # parameters of the input, one sample; None where it has no usable ones
     notes: tuple[str, ...]  # what had to be assumed, in words
 

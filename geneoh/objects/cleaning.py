@@ -47,8 +47,7 @@ frames a second, more at fewer, or by so many times its median turn or step."""
 AGREES = 30.0
 """Second difference of a part's place, in deviations of its noise, up to which the place counts
 where the rotation jumps."""
-LEAST_STRETCH = 6
-"""Frames between two jumps below which a stretch is left as it is."""
+LEAST_STRETCH = 6  # frames between two jumps below which a stretch is left as it is
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 
-LOOK_BACK = 2 / 3
-"""Seconds before a frame from which it may be reached."""
+LOOK_BACK = 2 / 3  # seconds before a frame from which it may be reached
 SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
 """What a chain pays for each frame that it skips, for a turn as large as the limit, and for each
 change of the rotation of the mesh onto itself; each frame that it keeps is worth one."""
@@ -30,8 +29,7 @@ class Chain:
     kept: Bool[np.ndarray, " T"]
     onto_itself: Float64[np.ndarray, "T 3 3"]
     """Rotation of the mesh onto itself by which each kept frame agrees with the one before."""
-    jumps: tuple[int, ...]
-    """Kept frames that no possible motion reaches from the kept frame before."""
+    jumps: tuple[int, ...]  # kept frames that no possible motion reaches from the kept frame before
 
     def stretches(self) -> list[slice]:
         """The frames from each jump to the next."""

@@ -13,14 +13,11 @@ from jaxtyping import Bool, Float64
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import expit, logsumexp
 
-DRIFT_SECONDS = 0.5
-"""Correlation time of the drift."""
-STRETCH_SECONDS = 0.8
-"""Length of the stretches that are looked at."""
+DRIFT_SECONDS = 0.5  # correlation time of the drift
+STRETCH_SECONDS = 0.8  # length of the stretches that are looked at
 MOVES = 2.0
 """Deviation of what stands for motion, in units of the noise, at the same correlation time."""
-LEAST_DRIFT = 0.3
-"""Deviation of the drift, in units of the noise, where the track shows none."""
+LEAST_DRIFT = 0.3  # deviation of the drift, in units of the noise, where the track shows none
 
 
 def size_of_drift(

@@ -25,8 +25,7 @@ from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
 
-TOLERATED = 0.012
-"""Noise of the object's surface at which it counts half, metres."""
+TOLERATED = 0.012  # noise of the object's surface at which it counts half, metres
 FEW, ENOUGH = 0.3, 0.6
 """Share of the seen poses that agree with one another: nothing is made of less than the first, and
 the second is as good as all."""
@@ -34,12 +33,10 @@ BRIDGED = 8.0
 """Frames at 30 a second from the nearest pose that agrees, over which the others are relied on."""
 AROUND = 4.0
 """Deviation in frames at 30 a second of the Gaussian over the seen frames around an unseen one."""
-FADE = 3.0
-"""Deviation in frames at 30 a second of the filter by which reliance changes."""
+FADE = 3.0  # deviation in frames at 30 a second of the filter by which reliance changes
 LASTING = 30.0
 """Deviation in frames at 30 a second of the Gaussian over which a shift of the hand lasts."""
-DRIFT = 15.0
-"""Frames at 30 a second after which the noise of poses is another one."""
+DRIFT = 15.0  # frames at 30 a second after which the noise of poses is another one
 NEAR, AWAY = 0.05, 0.09
 """Distance in metres between keypoints and surface in the nearest frame: up to the first the hand
 is taken to deal with the object, from the second on not. Keypoints lie 10 mm inside the hand."""
@@ -47,20 +44,17 @@ BESIDE, APART = 0.1, 0.25
 """The same in each frame: up to the first the hand may come to the object or leave it, from the
 second on it moves for itself."""
 
-CARRIED = 0.1
-"""Speed of the object's surface, metres per second, from which on something moves it."""
+CARRIED = 0.1  # speed of the object's surface, metres per second, from which on something moves it
 TOUCHING, OFF = 0.02, 0.04
 """Distance in metres between surface and nearest keypoint: up to the first the hand may touch the
 object, from the second on not. While they hold, noisy hands are at most 2 cm off in 95 of 100 clips
 but under the noise of a camera, whose errors are tried along its ray."""
 LOOKED, LOOKED_VERTS = 8, 512
 """Frames and vertices that tell whether one part of an object stays at another."""
-ALONG = 0.1
-"""Largest error along a camera's ray, metres."""
+ALONG = 0.1  # largest error along a camera's ray, metres
 SMOOTHED = 3.0
 """Deviation in frames at 30 a second of the filter of keypoints before their distance is taken."""
-AROUND_TOUCH = 30.0
-"""Frames at 30 a second around each one in which a touch counts."""
+AROUND_TOUCH = 30.0  # frames at 30 a second around each one in which a touch counts
 CLEAR, UNCLEAR = 0.016, 0.020
 """Deviation in metres of the place where contact shows the hand to be: up to the first it holds or
 touches the object, from the second on contact tells nothing."""

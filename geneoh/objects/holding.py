@@ -15,8 +15,7 @@ from geneoh.objects.smoothing import WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-KNUCKLES = (5, 9, 13, 17)
-"""Keypoints that move with the palm, in whose frame a held object rests."""
+KNUCKLES = (5, 9, 13, 17)  # keypoints that move with the palm, in whose frame a held object rests
 REACH = 0.05
 """Distance in metres between a hand's keypoints and the object's box up to which it may hold it."""
 LAG = 8
@@ -28,22 +27,17 @@ RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
 """Step per frame, metres, up to which an object rests in the world and in a hand, each in the first
 and in the last round of reweighting. It shrinks from round to round, so that steps of motion lose
 their weight before they distort the others."""
-RADIANS_PER_METRE = 6.0
-"""The same for turns: 0.35 degrees for a millimetre."""
-CHI3_SHARE = 0.789
-"""Median of the mean square of three standard normal numbers."""
+RADIANS_PER_METRE = 6.0  # the same for turns: 0.35 degrees for a millimetre
+CHI3_SHARE = 0.789  # median of the mean square of three standard normal numbers
 LEAST_GRIP = 0.0025
 """Deviation per axis of the object in its grip at least, metres: what clean hands are off by."""
 WELL_HELD = 0.01
 """Deviation in its grip up to which an unseen object is taken there at first, metres."""
-GRIP_FRAMES = 6.0
-"""Frames over which that deviation lasts."""
+GRIP_FRAMES = 6.0  # frames over which that deviation lasts
 GRIP_OUTLIER = 4.0
 """Squared deviations, in units of the usual ones, from which on an object is not in its grip."""
-SHORTEST_GRIP = 10
-"""Frames near a hand below which nothing is known of the grip."""
-ROUNDS = 8
-"""Rounds of reweighting."""
+SHORTEST_GRIP = 10  # frames near a hand below which nothing is known of the grip
+ROUNDS = 8  # rounds of reweighting
 
 Track = Float64[np.ndarray, "T 3"]
 
@@ -54,12 +48,9 @@ class PartTrack:
 
     turns: Rotation
     places: Track
-    noise: tuple[float, float]
-    """Deviations of the white noise per axis, radians and metres."""
-    drift: tuple[float, float]
-    """Deviations of the noise that lasts, per axis, radians and metres."""
-    known: Bool[np.ndarray, " T"]
-    """False in frames that are filled or left out."""
+    noise: tuple[float, float]  # deviations of the white noise per axis, radians and metres
+    drift: tuple[float, float]  # deviations of the noise that lasts, per axis, radians and metres
+    known: Bool[np.ndarray, " T"]  # False in frames that are filled or left out
 
 
 @dataclass(frozen=True)
@@ -68,8 +59,7 @@ class Frame:
 
     rotation: Float64[np.ndarray, "T 3 3"]
     origin: Track
-    near: Bool[np.ndarray, " N"]
-    """Whether the object may rest in it from each frame to the next."""
+    near: Bool[np.ndarray, " N"]  # whether the object may rest in it from each frame to the next
     scale: tuple[float, float] = HELD
 
     @classmethod

@@ -19,10 +19,8 @@ from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack
 
-SHARED = 0.5
-"""A palm shares a change of motion if it sees at most this part of the change."""
-SLACK = 1.01
-"""By how much a limit is above the largest change that a palm shares."""
+SHARED = 0.5  # a palm shares a change of motion if it sees at most this part of the change
+SLACK = 1.01  # by how much a limit is above the largest change that a palm shares
 
 
 @dataclass(frozen=True)
@@ -30,8 +28,7 @@ class RigidMotion:
     """How a part of an object or a palm moves, and the frames in which it was seen."""
 
     turns: Rotation
-    places: Float64[np.ndarray, "T 3"]
-    """Of its middle, metres."""
+    places: Float64[np.ndarray, "T 3"]  # of its middle, metres
     seen: Bool[np.ndarray, " T"]
 
     def as_seen_from(self, palm: "RigidMotion") -> "RigidMotion":

@@ -45,8 +45,7 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 FREE_DRIFT = 0.3
 """Deviation of the drift where the object neither rests nor is held, in units of the noise: nothing
 tells it from motion there."""
-LARGEST = 3.0
-"""Deviations of the noise by which a pose is moved from the smooth track at most."""
+LARGEST = 3.0  # deviations of the noise by which a pose is moved from the smooth track at most
 
 
 def refine_object(

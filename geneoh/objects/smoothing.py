@@ -17,26 +17,20 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
-CHI3_MEDIAN = 1.538
-"""Median length of a vector of three standard normal numbers."""
-FREEDOM = 4.0
-"""Degrees of freedom of Student's t: outliers of five deviations count a tenth."""
+CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal numbers
+FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of five deviations count a tenth
 ITERATIONS = 6
 ROTATION_ROUNDS = 6
-WINDOW = 9
-"""Frames over which accelerations are averaged."""
+WINDOW = 9  # frames over which accelerations are averaged
 LEAST_ACCELERATION = 0.05
 """Acceleration of a resting part in units of the noise: keeps the system well conditioned."""
 FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3
 """The same for the first solve, which knows only the noisy track."""
-MEDIAN_FRAMES = 5
-"""Frames of the median that the first weights are taken from."""
+MEDIAN_FRAMES = 5  # frames of the median that the first weights are taken from
 MOTION = 0.7
 """Share of the noise by fourth differences below which that by eighth ones is taken for it."""
-LEAST_FRAMES = 16
-"""Frames below which eighth differences are too few."""
-Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]
-"""From many lengths to one."""
+LEAST_FRAMES = 16  # frames below which eighth differences are too few
+Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # from many lengths to one
 
 
 def noise_level(

@@ -12,8 +12,7 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
 
-SAMPLES = 256
-"""Surface points that are turned and compared with the surface."""
+SAMPLES = 256  # surface points that are turned and compared with the surface
 TOLERANCE = 0.03
 """Mean distance of the turned points to the surface, as a share of their mean distance to the axis,
 up to which an object counts as symmetric."""
@@ -21,10 +20,8 @@ ORDERS = (2, 3, 4, 5, 6)
 """Orders of finite rotations that are tried: half a turn, a third of a turn, and so on."""
 REVOLUTION_TURNS = (0.37, 1.0, 1.9, 2.6)
 """Angles in radians under which a solid of revolution must stay on itself; no common fractions."""
-SAME_AXIS = 0.9
-"""Cosine between two axes of symmetry from which on they are taken for one."""
-STEPS = 72
-"""Turns of a full circle in which a rotation about an axis of revolution is looked for."""
+SAME_AXIS = 0.9  # cosine between two axes of symmetry from which on they are taken for one
+STEPS = 72  # turns of a full circle in which a rotation about an axis of revolution is looked for
 
 
 @dataclass(frozen=True)

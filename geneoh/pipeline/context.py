@@ -26,8 +26,7 @@ from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
-SURFACE_POINTS = 1024
-"""Points drawn on the surface of the object, all parts together."""
+SURFACE_POINTS = 1024  # points drawn on the surface of the object, all parts together
 WINDOWS_AT_ONCE = 20
 """Windows of all samples together that the networks see at once: memory does not grow with the
 track."""
@@ -46,8 +45,7 @@ class StageContext(ObjectSurface):
 
     trust: Float[Tensor, "T 21"]
     fps: float
-    canonical: bool = True
-    """False for the ablation whose canonical frame stands still in the world."""
+    canonical: bool = True  # False for the ablation whose canonical frame stands still in the world
     ray: Float[Tensor, "T 3"] | None = None
     """Unit direction from the camera to the hand, in the world; None where it is not known."""
     object_noise: Float[Tensor, " 2"] | None = None
@@ -245,12 +243,9 @@ def repeated(hand: HandParameters, samples: int) -> HandParameters:
 class Piece(NamedTuple):
     """Some neighbouring windows of a track."""
 
-    windows: slice
-    """Which of the windows of the track."""
-    frames: slice
-    """The frames that they cover."""
-    context: StageContext
-    """What the stages know of these frames, cut into these windows."""
+    windows: slice  # which of the windows of the track
+    frames: slice  # the frames that they cover
+    context: StageContext  # what the stages know of these frames, cut into these windows
 
     def steps(
         self, observed: Float[Tensor, "1 F 21 3"], joints: Float[Tensor, "1 F 21 3"]

@@ -22,8 +22,7 @@ from geneoh.sequence.windows import runs
 
 JITTER = 0.03
 """Metres of the steps of both palms that cost as much as fingers bent by a palm's length."""
-CHANGE = 5.0
-"""Cost of a change of the labels."""
+CHANGE = 5.0  # cost of a change of the labels
 FLAT = 0.2
 """Share of the palm's length, summed over both hands, by which flat fingers may bend backward."""
 SAME_PLACE, SHARE_OF_FRAMES = 0.02, 0.5

@@ -28,8 +28,7 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.shots import shots_of
 from geneoh.sequence.windows import runs
 
-SHORTEST = 5
-"""Observed frames below which nothing tells a fault from motion."""
+SHORTEST = 5  # observed frames below which nothing tells a fault from motion
 IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
 PLACE_CHANGE, TURN_CHANGE = 0.1, 1.0
 LARGEST_PLACE, LARGEST_TURN = 0.25, 2.0
@@ -43,8 +42,7 @@ length of steps at 30 frames a second from which to such a stop nothing slows do
 BACKWARD, CURL_JUMP = -0.2, 0.4
 """Share of the palm's length by which the fingertips of a hand of the other side are bent backward,
 and by how much more than in the frames around them."""
-GUESSED = 0.05
-"""Confidence of fingers that are those of the frames around them."""
+GUESSED = 0.05  # confidence of fingers that are those of the frames around them
 ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])
 """Of a hand: no turn but none at all maps it onto itself."""
 
@@ -55,8 +53,7 @@ class Fault:
 
     frames: Bool[Tensor, " T"]
     words: str
-    of_fingers: bool
-    """Whether only the fingers are wrong, and the palm counts as observed."""
+    of_fingers: bool  # whether only the fingers are wrong, and the palm counts as observed
 
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
@@ -120,14 +117,12 @@ class Track:
     """Keypoints of a hand with gaps filled, metres, world frame."""
 
     joints: Float[Tensor, "T 21 3"]
-    trusted: Bool[Tensor, "T 21"]
-    """Whether a keypoint has confidence in a frame with the hand."""
+    trusted: Bool[Tensor, "T 21"]  # whether a keypoint has confidence in a frame with the hand
     side: Side
     fps: float
     from_parts: tuple[Float[Tensor, "T 21 3"], ...]
     """The same keypoints as each part of the object sees them."""
-    shots: list[slice]
-    """Stretches between cuts of the video, over which no motion leads."""
+    shots: list[slice]  # stretches between cuts of the video, over which no motion leads
 
     @property
     def views(self) -> tuple[Float[Tensor, "T 21 3"], ...]:

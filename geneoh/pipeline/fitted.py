@@ -37,8 +37,7 @@ class FittedHand:
 
     hand: NormalisedHand
     subject: Subject
-    given: HandState
-    """The input as hand parameters."""
+    given: HandState  # the input as hand parameters
     preset: Preset
     surface: MovingSurface | None
     near: Float[Tensor, " T"]
@@ -46,8 +45,7 @@ class FittedHand:
     poses: Float[Tensor, " T"]
     samples: Float[Tensor, "S T 21 3"]
     chosen: int
-    target: Float[Tensor, "1 T 21 3"]
-    """What the hand was fitted to."""
+    target: Float[Tensor, "1 T 21 3"]  # what the hand was fitted to
     state: HandState
     shaped: ShapedHand
     betas: Float[Tensor, " K"]

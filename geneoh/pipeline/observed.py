@@ -8,8 +8,7 @@ from geneoh.bundle import FRAMES, concatenated
 from geneoh.sequence.gaps import FrameInterpolation, blendable
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-DIGITS = 9
-"""Decimals kept of places between frames, so that frames which coincide are found."""
+DIGITS = 9  # decimals kept of places between frames, so that frames which coincide are found
 
 
 def lost_like(hand: HandTrack) -> HandTrack:

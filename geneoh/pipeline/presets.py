@@ -19,10 +19,8 @@ few."""
 class StagePlan:
     """Settings of the diffusion of one stage."""
 
-    level: int
-    """Noise level that the input is brought to, 1 to 1000 of the schedule."""
-    steps: int
-    """Denoiser calls from that level down to a clean sample."""
+    level: int  # noise level that the input is brought to, 1 to 1000 of the schedule
+    steps: int  # denoiser calls from that level down to a clean sample
     sampler: SamplerName = "ddim"
     chains: int = 1
     """MotionDiff in the paper's form: chains of each window, of which the closest to the input is
@@ -46,10 +44,8 @@ class StagePlan:
 class PlacePlan:
     """Settings of SpatialDiff where it asks for the place of the hand."""
 
-    places: int
-    """Trial places of each window in each round."""
-    steps: int = 4
-    """Rounds, each of which tries places where those before were probable."""
+    places: int  # trial places of each window in each round
+    steps: int = 4  # rounds, each of which tries places where those before were probable
     frames: int | None = None
     """Frames of each window that are looked at; None for as many as in training."""
     sliding: bool = True
@@ -85,24 +81,20 @@ Plan = PlacePlan | StagePlan | DirectPlan
 class Preset:
     """Settings of all stages, of the selection among samples and of the fit."""
 
-    motion: StagePlan | None
-    """None leaves a stage out."""
+    motion: StagePlan | None  # None leaves a stage out
     spatial: PlacePlan | StagePlan | None
     """A `StagePlan` is for the paper's form, on offsets around contact points."""
     temporal: StagePlan | DirectPlan | None
     """A `StagePlan` is for the paper's form, on a latent of all relations."""
     observed: bool
     """Whether the networks are shown the input, or only start from it as in the paper."""
-    samples: int
-    """Number of diffusion chains, unless the user chooses another."""
+    samples: int  # number of diffusion chains, unless the user chooses another
     selection: Selection
     """Which sample is kept. The paper keeps the one closest to the input; the mean of a few samples
     is nearer to the truth than any one of them."""
     fit: FitConfig | AdamFitConfig
-    contact: bool
-    """Whether the fit keeps the mesh out of the object."""
-    apart: bool = True
-    """Whether two hands are taken out of each other."""
+    contact: bool  # whether the fit keeps the mesh out of the object
+    apart: bool = True  # whether two hands are taken out of each other
     canonical: bool = True
     """Whether the canonical frame moves with the contact points; False, for an ablation, holds it
     still in the world."""

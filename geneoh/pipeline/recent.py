@@ -45,17 +45,14 @@ PLACE_EVERY = 15
 LEAST_PLACED = WINDOW // 2
 """Frames below which SpatialDiff is not asked. Of 10 frames of the example with noise "gauss" it
 makes 15.3 mm where MotionDiff alone leaves 9.2; of 30 frames 10.8 and 10.2."""
-PLACE_BLEND = 0.6
-"""Share of a new shift of SpatialDiff beside those before."""
+PLACE_BLEND = 0.6  # share of a new shift of SpatialDiff beside those before
 FIRST_SHARE = 0.7
 """Share of a newer window in the target of the first frame that an older one has seen too; it grows
 to all of it over `HOP` frames."""
 HELD, HOLD = 2, 30.0
 """Frames already out that the fit holds on to, and their weight beside that of new ones."""
-AHEAD = 2
-"""Frames after those that are asked for which the fit sees as well."""
-SETTLED = WINDOW
-"""Observed frames after which the shape of the hand is kept."""
+AHEAD = 2  # frames after those that are asked for which the fit sees as well
+SETTLED = WINDOW  # observed frames after which the shape of the hand is kept
 
 
 @dataclass
@@ -64,10 +61,8 @@ class Place:
 
     before: Float[Tensor, "S 1 3"]
     after: Float[Tensor, "S 1 3"]
-    since: int = -PLACE_EVERY
-    """Frame from which on it changes, over `PLACE_EVERY` frames."""
-    width: float = 0.0
-    """Deviation of the last answer, metres."""
+    since: int = -PLACE_EVERY  # frame from which on it changes, over `PLACE_EVERY` frames
+    width: float = 0.0  # deviation of the last answer, metres
 
     def at(self, frames: Float[Tensor, " T"]) -> Float[Tensor, "S T 3"]:
         """The shift in some frames."""
@@ -86,10 +81,8 @@ class RecentRun(StageRun):
     """The stages of one window, which ask SpatialDiff now and then only."""
 
     place: Place
-    first: int
-    """Frame that the window begins with."""
-    done: int
-    """Frame that is to be made next."""
+    first: int  # frame that the window begins with
+    done: int  # frame that is to be made next
 
     def placed(
         self, observed: HandParameters, hand: HandParameters, context: StageContext, plan: PlacePlan

@@ -32,8 +32,7 @@ from geneoh.sequence.windows import blocks
 
 LEAST_EVIDENCE = 0.02
 """Reliance on the object's poses below which the stages that look at it are not run at all."""
-FARTHEST = 10.0
-"""Metres from the input that no sound network moves a keypoint."""
+FARTHEST = 10.0  # metres from the input that no sound network moves a keypoint
 OF_THE_PAPER: dict[str, tuple[str, Callable[..., Tensor]]] = {
     "motion": ("trajectory", denoise_trajectory),
     "spatial": ("relations", denoise_relations),
@@ -48,12 +47,9 @@ class StageRun:
 
     denoisers: Denoisers
     subject: Subject
-    given: HandState
-    """The input as hand parameters."""
-    progress_of: Callable[[str], OnStep]
-    """Progress callback of a stage, by its name."""
-    generator: torch.Generator
-    """Source of all noise."""
+    given: HandState  # the input as hand parameters
+    progress_of: Callable[[str], OnStep]  # progress callback of a stage, by its name
+    generator: torch.Generator  # source of all noise
 
     def relied_on(
         self,

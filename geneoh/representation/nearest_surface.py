@@ -56,10 +56,8 @@ class Nearest(NamedTuple):
     """Surface points nearest to N keypoints of T frames, world frame, metres."""
 
     points: Float[Tensor, "B T N 3"]
-    normals: Float[Tensor, "B T N 3"]
-    """Outward normals there."""
-    part: Int[Tensor, "B T N"]
-    """The part of the object that they are on."""
+    normals: Float[Tensor, "B T N 3"]  # outward normals there
+    part: Int[Tensor, "B T N"]  # the part of the object that they are on
 
 
 def nearest_on_parts(joints: Float[Tensor, "B T N 3"], surface: ObjectSurface) -> Nearest:
