@@ -77,9 +77,7 @@ def filtered_changes(
 
 
 def tip_gaps(
-    hand: HandParameters,
-    nearest: Float[Tensor, "B T 21 3"],
-    normals: Float[Tensor, "B T 21 3"],
+    hand: HandParameters, nearest: Float[Tensor, "B T 21 3"], normals: Float[Tensor, "B T 21 3"]
 ) -> tuple[Float[Tensor, "B T 5 3"], Float[Tensor, "B T 5 3"], Float[Tensor, "B T 5 1"]]:
     """Fingertip positions, the vector from each to its contact position, and its length."""
     joints, _ = hand.posed
@@ -122,9 +120,7 @@ def whole_hand_to_touch(
 
 
 def fingers_to_touch(
-    hand: HandParameters,
-    nearest: Float[Tensor, "B T 21 3"],
-    normals: Float[Tensor, "B T 21 3"],
+    hand: HandParameters, nearest: Float[Tensor, "B T 21 3"], normals: Float[Tensor, "B T 21 3"]
 ) -> Float[Tensor, "B T 51"]:
     """Changes of each finger that bring its tip onto the surface, by damped least squares."""
     joints, turns = hand.posed

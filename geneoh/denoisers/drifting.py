@@ -37,9 +37,7 @@ EVERY = 3
 
 
 def drift(
-    held: HeldPlace,
-    noise: Float[Tensor, "B 1"],
-    ray: Float[Tensor, "B T 3"] | None = None,
+    held: HeldPlace, noise: Float[Tensor, "B 1"], ray: Float[Tensor, "B T 3"] | None = None
 ) -> Float[Tensor, "B T 3"]:
     """The error of each hand's place that drifts, in each frame, world frame, metres.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import torch
@@ -121,18 +122,15 @@ def fit_hand(
     frames, found = target.shape[1], []
     for index, block in enumerate(parts := blocks(frames)):
         wide, inner = widened(block, OVERLAP, frames)
-        state = _fit_frames(
-            target[:, wide],
-            trust[:, wide],
-            shaped,
-            start[wide],
-            config=config,
-            surface=None if surface is None else surface.at(wide),
-            evidence=None if evidence is None else evidence[wide],
-            other=None if other is None else other[wide],
-            on_step=part_of(on_step, index, len(parts)),
-        )
-        found.append(state[inner])
+        obstacles: list[Callable[[HandState, ShapedHand, FitConfig], Planes]] = []
+        if surface is not None:
+            near = Nearby(surface.at(wide), config.touch)
+            share = None if evidence is None else evidence[wide]
+            obstacles.append(partial(contact_planes, near=near, evidence=share))
+        if other is not None:
+            obstacles.append(partial(planes_apart, other=other[wide]))
+        given = target[:, wide], trust[:, wide], shaped, start[wide], config, obstacles
+        found.append(_fit_frames(*given, part_of(on_step, index, len(parts)))[inner])
     return concatenated(found)
 
 
@@ -141,30 +139,19 @@ def _fit_frames(
     trust: Float[Tensor, "S T 21"],
     shaped: ShapedHand,
     start: HandState,
-    *,
     config: FitConfig,
-    surface: MovingSurface | None,
-    evidence: Float[Tensor, " T"] | None,
-    other: ChangingSurface | None,
+    obstacles: list[Callable[[HandState, ShapedHand, FitConfig], Planes]],
     on_step: OnStep | None,
 ) -> HandState:
     """`fit_hand` on all frames at once."""
     weight = trust.sqrt() / config.joint_std
     steady = steadiness_weight(config).to(target)
-    rounds = config.contact_rounds if surface is not None or other is not None else 0
+    rounds = config.contact_rounds if obstacles else 0
     total = config.iterations + 2 * rounds
     damping = target.new_full((len(target), 1), 1e-2)
     state, done = start, 0
-    near = None if surface is None else Nearby(surface, config.touch)
     for around in range(rounds + 1):
-        met: list[Planes] = []
-        if around and near is not None:
-            planes = contact_planes(state, shaped, near, config)
-            if evidence is not None:
-                planes = replace(planes, weight=planes.weight * evidence[:, None])
-            met.append(planes)
-        if around and other is not None:
-            met.append(planes_apart(state, shaped, other, config))
+        met = [planes(state, shaped, config) for planes in obstacles] if around else []
 
         def equations(at: HandState, met: list[Planes] = met) -> Equations:
             found = keypoint_term(at, shaped, target, weight)
@@ -268,10 +255,17 @@ class Nearby:
         return found
 
 
-def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: FitConfig) -> Planes:
+def contact_planes(
+    state: HandState,
+    shaped: ShapedHand,
+    config: FitConfig,
+    *,
+    near: Nearby,
+    evidence: Float[Tensor, " T"] | None = None,
+) -> Planes:
     """Planes that push vertices out of the object and attract fingertips that nearly touch it.
 
-    Other vertices near the object have no weight.
+    Other vertices near the object have no weight. `evidence` is that of `fit_hand`.
     """
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
     bone = shaped.model.skin_weights.argmax(-1)
@@ -284,11 +278,14 @@ def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: F
         value, at = apart.min(-1, keepdim=True)
         close = ((value > 0) & (value < config.touch)).to(distance)
         touching.scatter_add_(-1, at, close / config.touch_std)
-    return _planes(found, index, inside + touching)
+    planes = _planes(found, index, inside + touching)
+    if evidence is None:
+        return planes
+    return replace(planes, weight=planes.weight * evidence[:, None])
 
 
 def planes_apart(
-    state: HandState, shaped: ShapedHand, other: ChangingSurface, config: FitConfig
+    state: HandState, shaped: ShapedHand, config: FitConfig, *, other: ChangingSurface
 ) -> Planes:
     """Planes that push vertices half the way out of the other hand, which goes the other half."""
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts

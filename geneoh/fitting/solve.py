@@ -8,9 +8,7 @@ from torch import Tensor
 
 
 def solve_coupled_frames(
-    matrix: Float[Tensor, "S T U U"],
-    right: Float[Tensor, "S T U"],
-    coupling: Float[Tensor, " U"],
+    matrix: Float[Tensor, "S T U U"], right: Float[Tensor, "S T U"], coupling: Float[Tensor, " U"]
 ) -> Float[Tensor, "S T U"]:
     """Solve M x = right, positive definite, with the diagonal blocks `matrix`, to which the
     `coupling` (>= 0) is added once per neighbour, and -diag(coupling) between neighbouring
@@ -28,9 +26,7 @@ def solve_coupled_frames(
 
 
 def solve_as_band(
-    diagonal: Float[Tensor, "S T U U"],
-    coupling: Float[Tensor, " U"],
-    right: Float[Tensor, "S T U"],
+    diagonal: Float[Tensor, "S T U U"], coupling: Float[Tensor, " U"], right: Float[Tensor, "S T U"]
 ) -> Float[Tensor, "S T U"]:
     """Solve M x = right on the CPU, where M has the blocks -diag(coupling) beside its diagonal:
     LAPACK's banded Cholesky factor takes a third of the time of one factor per frame."""
@@ -83,9 +79,7 @@ def solve_by_halves(
 
 
 def solve_chains(
-    diagonal: Float[Tensor, "*B T"],
-    beside: Float[Tensor, "*B T-1"],
-    right: Float[Tensor, "*B T D"],
+    diagonal: Float[Tensor, "*B T"], beside: Float[Tensor, "*B T-1"], right: Float[Tensor, "*B T D"]
 ) -> Float[Tensor, "*B T D"]:
     """Solve M x = right for symmetric tridiagonal M that are diagonally dominant, on any device.
 

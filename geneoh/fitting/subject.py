@@ -12,12 +12,7 @@ from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.hand.skeleton import (
-    KEYPOINT_PARENTS,
-    bone_lengths,
-    forward_kinematics,
-    rest_offsets,
-)
+from geneoh.hand.skeleton import KEYPOINT_PARENTS, bone_lengths, forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import blendable
 from geneoh.sequence.sequence import HandTrack
 

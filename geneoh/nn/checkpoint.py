@@ -8,12 +8,7 @@ import torch
 from torch import Tensor
 
 from geneoh.errors import CheckpointError
-from geneoh.files.tensors import (
-    DamagedTensorsError,
-    all_tensors,
-    opened_tensors,
-    write_tensors,
-)
+from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 
 HALVES = (torch.float16, torch.bfloat16)
 """Types that weights are stored in to save space; nothing computes with them."""

@@ -7,7 +7,7 @@ track that is found exact is returned as it is.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -127,8 +127,9 @@ def clean_object(
         for part, mesh in enumerate(motion.meshes)
     ]
 
-    def stacked(name: str, dtype: torch.dtype) -> Tensor:
+    def stacked(name: str) -> Tensor:
         values = np.stack([np.asarray(getattr(part, name)) for part in parts], axis=-1)
+        dtype = torch.bool if values.dtype == bool else torch.float32
         return torch.from_numpy(values).to(motion.rotation.device, dtype)
 
     def track(poses: list[Poses]) -> ObjectTrack:
@@ -137,15 +138,8 @@ def clean_object(
             motion, rotation=turns.to(motion.rotation), translation=places.to(motion.translation)
         )
 
-    examined = ObjectExamination(
-        rotation_noise=stacked("rotation_noise", torch.float32),
-        translation_noise=stacked("translation_noise", torch.float32),
-        confidence=stacked("confidence", torch.float32),
-        left_out=stacked("left_out", torch.bool),
-        symmetric=stacked("symmetric", torch.bool),
-        is_noisy=stacked("is_noisy", torch.bool),
-        aligned=track([part.aligned for part in parts]),
-    )
+    found = {f.name: stacked(f.name) for f in fields(ObjectExamination) if f.name != "aligned"}
+    examined = ObjectExamination(**found, aligned=track([part.aligned for part in parts]))
     if not any(part.is_noisy for part in parts):
         return motion, examined
     return track([part.poses for part in parts]), examined

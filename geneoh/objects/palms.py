@@ -66,10 +66,16 @@ def palm_of(hand: HandTrack) -> RigidMotion:
 
 def palm_at(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> RigidMotion:
     """The palm of keypoints, metres, world frame; seen where all of its own are trusted."""
-    points, known = palm_points(joints, trust > 0)
-    if not bool(known.any()):
-        nothing = np.zeros((len(joints), 3))
-        return RigidMotion(Rotation.from_rotvec(nothing), nothing, known.cpu().numpy())
+    known = (trust > 0)[:, PALM].all(-1)
+    if bool(known.any()):
+        return palm_motion(joints, trust > 0)
+    nothing = np.zeros((len(joints), 3))
+    return RigidMotion(Rotation.from_rotvec(nothing), nothing, known.cpu().numpy())
+
+
+def palm_motion(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> RigidMotion:
+    """The same of keypoints that may all be untrusted, and are then taken as they are."""
+    points, known = palm_points(joints, trusted)
     whole = joints.index_copy(1, torch.tensor(PALM, device=joints.device), points)
     axes = palm_axes(whole[:, None]).double().cpu().numpy()
     middle = points.mean(1).double().cpu().numpy()

@@ -183,10 +183,7 @@ class StageContext(ObjectSurface):
     def _holding(
         self, joints: Float[Tensor, "T 21 3"]
     ) -> tuple[
-        Float[Tensor, "T 3"],
-        Float[Tensor, "T Q 3 3"],
-        Float[Tensor, "T Q 3"],
-        Float[Tensor, "T Q"],
+        Float[Tensor, "T 3"], Float[Tensor, "T Q 3 3"], Float[Tensor, "T Q 3"], Float[Tensor, "T Q"]
     ]:
         """The middle of a hand, the motion of the object's parts, and how surely it holds each."""
         held = holding(joints[None], self.rotation[None], self.translation[None])[0]
@@ -258,11 +255,7 @@ class Piece(NamedTuple):
 
 
 def stage_context(
-    surface: MovingSurface,
-    subject: Subject,
-    fps: float,
-    *,
-    generator: torch.Generator,
+    surface: MovingSurface, subject: Subject, fps: float, *, generator: torch.Generator
 ) -> StageContext:
     """The object's surface and motion; points are shared among parts by area."""
     fields = surface.fields

@@ -7,6 +7,7 @@ frames, and fill in what is missing.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,12 @@ from torch import Tensor
 from geneoh.choices import Side
 from geneoh.errors import numbered
 from geneoh.objects.consistency import longest_chain, possible_places
+from geneoh.objects.palms import RigidMotion, palm_motion
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.pipeline.stray import without_strays
 from geneoh.readers.hand_checks import KNUCKLES, finger_curls
-from geneoh.sequence.gaps import filled_keypoints, observed_around, palm_points
+from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.shots import shots_of
@@ -124,24 +126,18 @@ class Track:
     """The same keypoints as each part of the object sees them."""
     shots: list[slice]  # stretches between cuts of the video, over which no motion leads
 
-    @property
-    def views(self) -> tuple[Float[Tensor, "T 21 3"], ...]:
-        """The keypoints as the world sees them, and as each part of the object does."""
-        return (self.joints, *self.from_parts)
+    @cached_property
+    def palms(self) -> list[RigidMotion]:
+        """The palm as the world sees it, and as each part of the object does."""
+        return [palm_motion(joints, self.trusted) for joints in (self.joints, *self.from_parts)]
 
     @property
     def nothing(self) -> Bool[Tensor, " T"]:
         """No frame."""
         return torch.zeros_like(self.trusted[:, 0])
 
-    def palm(self, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T 5 3"]:
-        """The wrist and the knuckles of one of the views; see `palm_points`."""
-        return palm_points(joints, self.trusted)[0]
-
     def in_all(
-        self,
-        views: Iterable[np.ndarray | Rotation],
-        find: Callable[[Any], Bool[np.ndarray, " N"]],
+        self, views: Iterable[np.ndarray | Rotation], find: Callable[[Any], Bool[np.ndarray, " N"]]
     ) -> Bool[Tensor, " T"]:
         """Frames that are found in the world and as each part of the object sees the hand; `find`
         is asked for each shot of each view, frames first."""
@@ -190,7 +186,7 @@ def stops(track: Track, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
 
 def displaced(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is where no possible motion brings it."""
-    middles = [track.palm(joints).mean(1).double().cpu().numpy() for joints in track.views]
+    middles = [palm.places for palm in track.palms]
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
     limit = min(limit, LARGEST_PLACE * max(1.0, 30 / track.fps))
@@ -199,11 +195,7 @@ def displaced(track: Track) -> Bool[Tensor, " T"]:
 
 def turned_over(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
-    index = torch.tensor(PALM, device=track.joints.device)
-    whole = [each.index_copy(1, index, track.palm(each)) for each in track.views]
-    palms = [
-        Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy()) for joints in whole
-    ]
+    palms = [palm.turns for palm in track.palms]
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
     limit = min(limit, LARGEST_TURN)
     return track.in_all(

@@ -7,7 +7,7 @@ from pathlib import Path
 from torch import Tensor
 
 from geneoh.errors import InputError, numbered
-from geneoh.geometry.mesh import checked, meshes_of, size_warning
+from geneoh.geometry.mesh import Mesh, checked, meshes_of, size_warning
 from geneoh.readers.npz_files import load
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import Sequence
@@ -48,14 +48,20 @@ def checked_interaction(sequence: Sequence) -> Sequence:
         InputError: the first fault that is found: a mesh without a surface or of another unit, or
             numbers that can be no interaction.
     """
-    for mesh in sequence.object.meshes:
-        name = str(mesh.source or sequence.source or "the mesh")
-        if warning := size_warning(checked(mesh, name)):
-            raise InputError(f"{name}: {warning}")
+    refuse_meshes(sequence.object.meshes, sequence.source)
     hands = tuple(map(without_collapsed, sequence.hands))
     sequence = replace(sequence, hands=hands, object=fill_object(sequence.object))
     check_sequence(sequence, sequence.source)
     return sequence
+
+
+def refuse_meshes(meshes: Iterable[Mesh], source: str = "") -> None:
+    """`InputError` for a mesh without a surface or of another unit; `source` is whose meshes these
+    are."""
+    for mesh in meshes:
+        name = str(mesh.source or source or "the mesh")
+        if warning := size_warning(checked(mesh, name)):
+            raise InputError(f"{name}: {warning}")
 
 
 def collapsed_sentences(sequence: Sequence) -> Iterator[str]:

@@ -33,9 +33,7 @@ def without_jitter(
 
 
 def without_jitter_over_object(
-    context: StageContext,
-    samples: Float[Tensor, "S T 21 3"],
-    observed: Float[Tensor, "T 21 3"],
+    context: StageContext, samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"]
 ) -> Float[Tensor, "S T 21 3"]:
     """Samples against an object, without the jitter that they share with the observed hand.
 

@@ -28,14 +28,16 @@ class Observed:
         """With what an earlier frame has and this one lacks."""
         if earlier is None:
             return self
-        here, there = self.object, earlier.object
-        lost = here.translation.isnan().any(-1, keepdim=True)
-        motion = replace(
-            here,
-            rotation=torch.where(lost[..., None], there.rotation, here.rotation),
-            translation=torch.where(lost, there.translation, here.translation),
-        )
-        return Observed(earlier.hand if self.hand is None else self.hand, motion)
+        hand = earlier.hand if self.hand is None else self.hand
+        return Observed(hand, completed(self.object, earlier.object))
+
+
+def completed(motion: ObjectTrack, other: ObjectTrack) -> ObjectTrack:
+    """An object's track with the poses of another one where it has none."""
+    lost = motion.translation.isnan().any(-1, keepdim=True)
+    rotation = torch.where(lost[..., None], other.rotation, motion.rotation)
+    translation = torch.where(lost, other.translation, motion.translation)
+    return replace(motion, rotation=rotation, translation=translation)
 
 
 def between(before: Observed, after: Observed, fraction: float) -> Observed:
@@ -45,12 +47,7 @@ def between(before: Observed, after: Observed, fraction: float) -> Observed:
     if fraction not in (0.0, 1.0):
         both, at = concatenated([before.object, after.object]), instant(fraction)
         turn, place = at.rotations(both.rotation), at.points(both.translation)
-        lost = place.isnan().any(-1, keepdim=True)
-        motion = replace(
-            motion,
-            rotation=torch.where(lost[..., None], motion.rotation, turn),
-            translation=torch.where(lost, motion.translation, place),
-        )
+        motion = completed(replace(motion, rotation=turn, translation=place), motion)
     return Observed(hand_between(before.hand, after.hand, fraction), motion)
 
 

@@ -30,7 +30,7 @@ from geneoh.pipeline.rays import FoundRay, found_ray
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
-from geneoh.progress import OnStep
+from geneoh.progress import timed
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import fill_gaps, fill_object
 from geneoh.sequence.normalisation import NETWORK_FPS
@@ -167,7 +167,7 @@ class RecentHand:
             self._denoisers,
             subject,
             given,
-            _silent,
+            timed(None, {}),
             self._generator,
             place=self._place,
             first=first,
@@ -329,8 +329,3 @@ def frames_alike(one: HandTrack, other: HandTrack) -> int:
 
 def _joints(subject: Subject, state: HandState) -> Float[Tensor, "S T 21 3"]:
     return subject.shaped.joints_from_rotations(state.rotations, state.wrist)
-
-
-def _silent(stage: str) -> OnStep:
-    """Progress that nobody is told."""
-    return lambda done, total: None

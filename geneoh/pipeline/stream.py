@@ -15,12 +15,13 @@ from geneoh.config import as_field_type, closest_name
 from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.fit import FitConfig
-from geneoh.geometry.mesh import MeshInput, checked, meshes_of, size_warning
+from geneoh.geometry.mesh import MeshInput, meshes_of
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.first_look import FirstLook
+from geneoh.pipeline.inputs import refuse_meshes
 from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
@@ -131,9 +132,7 @@ class Stream:
         self._shape = {} if betas is None else {f"{side}_betas": framed(betas)}
         self._shape |= {} if hand_model is None else {"hand_model": np.array(hand_model)}
         self._meshes = meshes_of(meshes)
-        for mesh in self._meshes:
-            if warning := size_warning(checked(mesh, str(mesh.source or "the mesh"))):
-                raise InputError(f"{mesh.source or 'the mesh'}: {warning}")
+        refuse_meshes(self._meshes)
         self._lag = within = round(lag * fps)
         if self._rate != 1:  # a frame between two of the networks needs both
             self._lag = max(self._lag, math.ceil(fps / NETWORK_FPS))

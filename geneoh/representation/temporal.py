@@ -1,6 +1,6 @@
 """T: hand-object temporal relations of every contact point and frame pair (paper 3.1, eq. 1)."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -56,11 +56,7 @@ def encode_temporal(
         differences(joint_velocity, object_velocity),
         normals,
     )
-    return TemporalRelations(
-        **{f.name: getattr(found, f.name) for f in fields(found)},
-        object_velocity=object_velocity,
-        normals=normals,
-    )
+    return TemporalRelations(**vars(found), object_velocity=object_velocity, normals=normals)
 
 
 def pair_statistics(

@@ -217,7 +217,7 @@ def test_a_surface_out_of_reach_changes_nothing(shaped, make_state, ball):
 def test_planes_stand_where_the_hand_is_inside_or_a_tip_nearly_touches(shaped, make_state, ball):
     state, center = sunk(shaped, make_state)
     config, surface = FitConfig(), surface_of(ball, center)
-    planes = contact_planes(state, shaped, Nearby(surface, config.touch), config)
+    planes = contact_planes(state, shaped, config, near=Nearby(surface, config.touch))
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
     distance = surface.query(verts).distance
     inside = (distance < 0).sum(-1)
@@ -360,7 +360,7 @@ def ball_at_a_fingertip(state: HandState, shaped: ShapedHand) -> ChangingSurface
 def test_planes_of_another_hand_are_half_the_way_out_where_this_one_is_inside(shaped, make_state):
     state = make_state(frames=2)
     other = ball_at_a_fingertip(state, shaped)
-    planes = planes_apart(state, shaped, other, FitConfig())
+    planes = planes_apart(state, shaped, FitConfig(), other=other)
     inside = planes.weight[0, 0] > 0
     verts = skin_of(state, shaped).verts[0, planes.verts[0, 0]]
     outside = verts + 2 * (planes.closest[0, 0] - verts)
