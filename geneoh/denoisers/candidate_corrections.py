@@ -14,15 +14,12 @@ from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matr
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, TIP_KEYPOINTS, TIP_PARENTS
 from geneoh.representation.parameters import UNIT, HandParameters
 
-SMOOTHING_FRAMES = (1.5, 4.0, 10.0, 25.0)
-"""Deviations in frames of the Gaussian filters that smooth the observed hand."""
+SMOOTHING_FRAMES = (1.5, 4.0, 10.0, 25.0)  # deviations of the filters of the observed hand
 FLAT_FRAMES = 10.0  # the same for the pose that flat fingers undo, without the noise of frames
-CONTACT_FRAMES = (4.0, 25.0)
-"""The same for the changes that bring fingertips to the surface, which single frames show badly."""
+CONTACT_FRAMES = (4.0, 25.0)  # of the changes to the surface, which single frames show badly
 CANDIDATES = len(SMOOTHING_FRAMES) + 1 + len(CONTACT_FRAMES)  # number of candidate corrections
 PAD_DEPTH = 0.008  # distance from a fingertip's keypoint to the skin of its pad, metres
-HAND_REACH, FINGER_REACH = 0.03, 0.05
-"""Gaps over which a tip's weight decays, for moving the whole hand and for bending, metres."""
+HAND_REACH, FINGER_REACH = 0.03, 0.05  # gaps over which a tip's weight decays, metres
 SLIDING = 0.1  # weight of a gap along the surface, relative to one across it
 DAMPING = 0.02  # lever in metres below which a joint closes no gap: it would turn too far
 LARGEST_CHANGE = 6.0  # bound of the changes that bring fingertips to the surface, in units

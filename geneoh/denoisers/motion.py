@@ -24,8 +24,7 @@ from geneoh.representation.parameters import UNIT, HandParameters, turned
 from geneoh.representation.region import ContactRegion
 from geneoh.sequence.keypoints import palm_axes
 
-SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04
-"""Distances over which closeness to the surface decays in features and contact cues, metres."""
+SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04  # decay of closeness in features and cues, metres
 CONTACT_CUES = 63 + 45  # width of `ObservedMotion.contact_cues`
 MOTION_FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
 """Width of `ObservedMotion.features`."""
@@ -61,11 +60,9 @@ class ObservedMotion(Bundle):
 
     hand: HandParameters  # canonical frame, gaps filled
     trust: Float[Tensor, "B T"]  # 0 where a frame was filled in, else its mean confidence, <= 1
-    nearest: Float[Tensor, "B T 21 3"]
-    """The object's surface point nearest to each observed keypoint, canonical frame."""
+    nearest: Float[Tensor, "B T 21 3"]  # surface point nearest to each keypoint, canonical
     normals: Float[Tensor, "B T 21 3"]  # outward normals there
-    rotation: Float[Tensor, "B T 3 3"]
-    """R_k, canonical to world; with the centres `center` it tells how the object moves."""
+    rotation: Float[Tensor, "B T 3 3"]  # R_k, canonical to world: tells how the object moves
     center: Float[Tensor, "B T 3"]
 
     @classmethod

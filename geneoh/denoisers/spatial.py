@@ -50,12 +50,9 @@ class SpatialEvidence(ObjectSurface):
     """What tells the place of B hands over T frames, world frame, metres."""
 
     joints: Float[Tensor, "B T 21 3"]  # the hand after MotionDiff
-    speeds: Float[Tensor, "B T 5"]
-    """How fast hand and object move (`relative_speeds`): an object that moves is held."""
-    ray: Float[Tensor, "B 3"]
-    """Unit direction from the camera, along which trackers err; zero where it is not known."""
-    track: Float[Tensor, "B 12"]
-    """How noisy hand and object were (`track_cues`): the width of the prior follows from it."""
+    speeds: Float[Tensor, "B T 5"]  # `relative_speeds`: an object that moves is held
+    ray: Float[Tensor, "B 3"]  # unit direction from the camera; zero where it is not known
+    track: Float[Tensor, "B 12"]  # `track_cues`: the width of the prior follows from it
 
     @classmethod
     def around(

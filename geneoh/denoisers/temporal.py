@@ -109,8 +109,7 @@ class StepCorrection(Bundle):
     change: Float[Tensor, "B T 21 3"]
     """From each step to the clean one, metres, in the frame of the first part; the last frame,
     which has no next one, repeats the one before."""
-    steps: Float[Tensor, "B T 21"]
-    """Logarithm of the weight of each step, relative to the usual one."""
+    steps: Float[Tensor, "B T 21"]  # log weight of each step, 0 for the usual one
     places: Float[Tensor, "B T 21"]  # the same of each place: that the keypoint stays where it is
 
 

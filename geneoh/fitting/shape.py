@@ -7,8 +7,7 @@ from torch import Tensor
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import OPENPOSE_FROM_MANO
 
-OFFSET_STD = 0.0005
-"""Deviation of a rest offset that is known from pose and joints together, metres."""
+OFFSET_STD = 0.0005  # deviation of a rest offset known from pose and joints together, metres
 BONE_STD = 0.002  # deviation of a bone's length that is known from noisy joints, metres
 GAUSS_NEWTON_STEPS = 8
 

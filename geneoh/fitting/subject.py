@@ -16,10 +16,8 @@ from geneoh.hand.skeleton import KEYPOINT_PARENTS, bone_lengths, forward_kinemat
 from geneoh.sequence.gaps import blendable
 from geneoh.sequence.sequence import HandTrack
 
-POSE_MISFIT = 0.015
-"""Mean distance of given joints to the given pose's own beyond which this is not used, metres."""
-NORMAL_SPREAD = 1.4826
-"""Deviation of normal numbers in units of their median distance from the median."""
+POSE_MISFIT = 0.015  # mean metres between given joints and those of the pose up to which it is used
+NORMAL_SPREAD = 1.4826  # deviation of normal numbers in units of their median size
 
 
 @dataclass(frozen=True)
@@ -28,8 +26,7 @@ class Subject(Bundle):
 
     shaped: ShapedHand
     betas: Float[Tensor, " S"]
-    offsets: Float[Tensor, "1 20 3"]
-    """The subject's own skeleton: exact where pose and joints are given, else that of `shaped`."""
+    offsets: Float[Tensor, "1 20 3"]  # own skeleton: exact with pose and joints, else of `shaped`
     joints: Float[Tensor, "T 21 3"]
     trust: Float[Tensor, "T 21"]  # `HandTrack.trust`: 0 in frames that were filled
     start: HandState | None  # parameters of the input, one sample; None where it has no usable ones

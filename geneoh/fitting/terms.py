@@ -136,8 +136,7 @@ class Planes:
     """Tangent planes of the object that some vertices should reach, per sample and frame."""
 
     verts: Int[Tensor, "S T K"]  # indices of the vertices
-    closest: Float[Tensor, "S T K 3"]
-    """A point of the plane in the world; `normal` is its unit normal."""
+    closest: Float[Tensor, "S T K 3"]  # a point of the plane, world; `normal` is its unit normal
     normal: Float[Tensor, "S T K 3"]
     weight: Float[Tensor, "S T K"]  # 1 / deviation in 1/m; 0 ignores a vertex
 

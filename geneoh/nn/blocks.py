@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 
 import torch
 from jaxtyping import Bool, Float, Shaped
@@ -124,15 +124,12 @@ class FrameTransformer(nn.Module):
         """Tokens after all blocks; `level` is the noise level as `Scaling.level` states it,
         `position` and `seen` are those of `Block`."""
         embedded = self.level(fourier(level, tokens.shape[-1]))
-        with self._products(tokens.device.type):
+        in_float32 = self.precision == torch.float32
+        device = tokens.device.type
+        with nullcontext() if in_float32 else torch.autocast(device, dtype=self.precision):
             for block in self.blocks:
                 tokens = block(tokens + embedded[:, None], embedded, position, seen)
         return self.norm(tokens)
-
-    def _products(self, device: str) -> AbstractContextManager:
-        if self.precision == torch.float32:
-            return nullcontext()
-        return torch.autocast(device, dtype=self.precision)
 
 
 def fourier(x: Float[Tensor, " B"], width: int) -> Float[Tensor, "B D"]:

@@ -10,8 +10,7 @@ from torch import Tensor
 from geneoh.errors import CheckpointError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 
-HALVES = (torch.float16, torch.bfloat16)
-"""Types that weights are stored in to save space; nothing computes with them."""
+HALVES = (torch.float16, torch.bfloat16)  # of stored weights; nothing computes with them
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ JUMPED = 1 / 3
 """What it pays for each jump: as much as the frames of so many seconds are worth. So an orientation
 that lasts for more than two thirds of a second is kept, a shorter one is left out."""
 
-START_SPEED = 4.0
-"""Speed up to which a track may begin in the middle of a motion, metres per second."""
+START_SPEED = 4.0  # up to which a track may begin in the middle of a motion, metres per second
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from scipy.special import expit, logsumexp
 
 DRIFT_SECONDS = 0.5  # correlation time of the drift
 STRETCH_SECONDS = 0.8  # length of the stretches that are looked at
-MOVES = 2.0
-"""Deviation of what stands for motion, in units of the noise, at the same correlation time."""
+MOVES = 2.0  # deviation of what stands for motion, in units of the noise, same correlation time
 LEAST_DRIFT = 0.3  # deviation of the drift, in units of the noise, where the track shows none
 
 

@@ -29,13 +29,10 @@ TOLERATED = 0.012  # noise of the object's surface at which it counts half, metr
 FEW, ENOUGH = 0.3, 0.6
 """Share of the seen poses that agree with one another: nothing is made of less than the first, and
 the second is as good as all."""
-BRIDGED = 8.0
-"""Frames at 30 a second from the nearest pose that agrees, over which the others are relied on."""
-AROUND = 4.0
-"""Deviation in frames at 30 a second of the Gaussian over the seen frames around an unseen one."""
+BRIDGED = 8.0  # frames at 30 a second over which the others are relied on after one that agrees
+AROUND = 4.0  # deviation, frames at 30 a second, of the Gaussian over those around an unseen one
 FADE = 3.0  # deviation in frames at 30 a second of the filter by which reliance changes
-LASTING = 30.0
-"""Deviation in frames at 30 a second of the Gaussian over which a shift of the hand lasts."""
+LASTING = 30.0  # the same of the Gaussian over which a shift of the hand lasts
 DRIFT = 15.0  # frames at 30 a second after which the noise of poses is another one
 NEAR, AWAY = 0.05, 0.09
 """Distance in metres between keypoints and surface in the nearest frame: up to the first the hand
@@ -49,11 +46,9 @@ TOUCHING, OFF = 0.02, 0.04
 """Distance in metres between surface and nearest keypoint: up to the first the hand may touch the
 object, from the second on not. While they hold, noisy hands are at most 2 cm off in 95 of 100 clips
 but under the noise of a camera, whose errors are tried along its ray."""
-LOOKED, LOOKED_VERTS = 8, 512
-"""Frames and vertices that tell whether one part of an object stays at another."""
+LOOKED, LOOKED_VERTS = 8, 512  # tell whether one part stays at another: frames, vertices
 ALONG = 0.1  # largest error along a camera's ray, metres
-SMOOTHED = 3.0
-"""Deviation in frames at 30 a second of the filter of keypoints before their distance is taken."""
+SMOOTHED = 3.0  # deviation, frames at 30 a second, of the filter of keypoints for their distance
 AROUND_TOUCH = 30.0  # frames at 30 a second around each one in which a touch counts
 CLEAR, UNCLEAR = 0.016, 0.020
 """Deviation in metres of the place where contact shows the hand to be: up to the first it holds or
@@ -61,8 +56,7 @@ touches the object, from the second on contact tells nothing."""
 SPUN, WHEEL = 0.75, 1.0
 """Turns in the palm about `AROUND_TOUCH`: up to the first fingers may turn what they hold, from the
 second on it spins like a wheel, over which even a hand at its axle slides."""
-UNPROVEN = 3.0
-"""Frames of a moving object in which the hand is taken to touch it before any is seen."""
+UNPROVEN = 3.0  # frames of a moving object in which the hand touches it before any is seen
 
 
 def evidence_of_poses(

@@ -16,8 +16,7 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
 KNUCKLES = (5, 9, 13, 17)  # keypoints that move with the palm, in whose frame a held object rests
-REACH = 0.05
-"""Distance in metres between a hand's keypoints and the object's box up to which it may hold it."""
+REACH = 0.05  # metres from a hand's keypoints to the object's box up to which it may hold it
 LAG = 8
 """Frames over which it is asked whether the object rests: drift alone moves it by about as much as
 the noise, motion by more."""
@@ -29,13 +28,10 @@ and in the last round of reweighting. It shrinks from round to round, so that st
 their weight before they distort the others."""
 RADIANS_PER_METRE = 6.0  # the same for turns: 0.35 degrees for a millimetre
 CHI3_SHARE = 0.789  # median of the mean square of three standard normal numbers
-LEAST_GRIP = 0.0025
-"""Deviation per axis of the object in its grip at least, metres: what clean hands are off by."""
-WELL_HELD = 0.01
-"""Deviation in its grip up to which an unseen object is taken there at first, metres."""
+LEAST_GRIP = 0.0025  # least deviation per axis in a grip, metres: what clean hands are off by
+WELL_HELD = 0.01  # deviation in its grip up to which an unseen object starts there, metres
 GRIP_FRAMES = 6.0  # frames over which that deviation lasts
-GRIP_OUTLIER = 4.0
-"""Squared deviations, in units of the usual ones, from which on an object is not in its grip."""
+GRIP_OUTLIER = 4.0  # squared usual deviations from which on an object is not in its grip
 SHORTEST_GRIP = 10  # frames near a hand below which nothing is known of the grip
 ROUNDS = 8  # rounds of reweighting
 
@@ -94,8 +90,7 @@ class Grip:
 
     turns: Rotation
     places: Track
-    weights: Float64[np.ndarray, "2 T"]
-    """Inverse squares of radians and metres; 0 where the object is not held."""
+    weights: Float64[np.ndarray, "2 T"]  # inverse squares of radians and metres; 0 where not held
 
     def taken(
         self, start: tuple[Rotation, Track], lost: Bool[np.ndarray, " T"]

@@ -22,13 +22,10 @@ FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of five deviations 
 ITERATIONS = 6
 ROTATION_ROUNDS = 6
 WINDOW = 9  # frames over which accelerations are averaged
-LEAST_ACCELERATION = 0.05
-"""Acceleration of a resting part in units of the noise: keeps the system well conditioned."""
-FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3
-"""The same for the first solve, which knows only the noisy track."""
+LEAST_ACCELERATION = 0.05  # of a resting part, in units of the noise: conditions the system
+FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3  # the same for the first, noisy track
 MEDIAN_FRAMES = 5  # frames of the median that the first weights are taken from
-MOTION = 0.7
-"""Share of the noise by fourth differences below which that by eighth ones is taken for it."""
+MOTION = 0.7  # share of the noise by fourth differences below which that by eighth ones is taken
 LEAST_FRAMES = 16  # frames below which eighth differences are too few
 Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # from many lengths to one
 

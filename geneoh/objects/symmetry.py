@@ -16,8 +16,7 @@ SAMPLES = 256  # surface points that are turned and compared with the surface
 TOLERANCE = 0.03
 """Mean distance of the turned points to the surface, as a share of their mean distance to the axis,
 up to which an object counts as symmetric."""
-ORDERS = (2, 3, 4, 5, 6)
-"""Orders of finite rotations that are tried: half a turn, a third of a turn, and so on."""
+ORDERS = (2, 3, 4, 5, 6)  # of finite rotations that are tried: half a turn, a third of a turn, ...
 REVOLUTION_TURNS = (0.37, 1.0, 1.9, 2.6)
 """Angles in radians under which a solid of revolution must stay on itself; no common fractions."""
 SAME_AXIS = 0.9  # cosine between two axes of symmetry from which on they are taken for one
@@ -34,8 +33,7 @@ class Symmetry:
     rotations: Float64[np.ndarray, "S 3 3"]
     """Rotations of the mesh onto itself, the identity first; a solid of revolution has one for each
     step of a full circle."""
-    is_ball: bool = False
-    """Whether every rotation maps the mesh onto itself; `rotations` is then the identity alone."""
+    is_ball: bool = False  # every rotation maps it onto itself; `rotations` has the identity alone
 
     def nearest(
         self, rotation: Float64[np.ndarray, "3 3"], wanted: Float64[np.ndarray, "N 3 3"]

@@ -26,8 +26,7 @@ from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
 from geneoh.sequence.keypoints import palm_axes
 
-FAR = 1.0
-"""Distance in metres at which nothing of a surface is seen: closeness decays over centimetres."""
+FAR = 1.0  # metres at which nothing of a surface is seen: closeness decays over centimetres
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,7 @@ from geneoh.representation.region import ContactRegion, ObjectSurface, contact_r
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SURFACE_POINTS = 1024  # points drawn on the surface of the object, all parts together
-WINDOWS_AT_ONCE = 20
-"""Windows of all samples together that the networks see at once: memory does not grow with the
-track."""
+WINDOWS_AT_ONCE = 20  # of all samples together: memory does not grow with the track
 HELD_FRAMES = 150
 """Frames around a window in which sliding is looked at: a hand keeps its hold for longer than two
 seconds, and the more the object turns, the more its sliding tells."""
@@ -46,15 +44,12 @@ class StageContext(ObjectSurface):
     trust: Float[Tensor, "T 21"]
     fps: float
     canonical: bool = True  # False for the ablation whose canonical frame stands still in the world
-    ray: Float[Tensor, "T 3"] | None = None
-    """Unit direction from the camera to the hand, in the world; None where it is not known."""
+    ray: Float[Tensor, "T 3"] | None = None  # unit direction from the camera, world; if known
     object_noise: Float[Tensor, " 2"] | None = None
     """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
     was cleaned; None where it was exact."""
-    relied: Float[Tensor, " T"] | None = None
-    """How far the object's poses are relied on, 0 to 1; None where they are in all frames."""
-    chosen: tuple[int, ...] | None = None
-    """First frame of each window; None for windows evenly apart over all frames."""
+    relied: Float[Tensor, " T"] | None = None  # of poses, 0 to 1; None for 1 in all frames
+    chosen: tuple[int, ...] | None = None  # first frame of each window; None for evenly apart
 
     @property
     def frames(self) -> int:

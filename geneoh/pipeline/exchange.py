@@ -20,11 +20,9 @@ from geneoh.sequence.keypoints import PALM, keypoints
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import runs
 
-JITTER = 0.03
-"""Metres of the steps of both palms that cost as much as fingers bent by a palm's length."""
+JITTER = 0.03  # metres of both palms' steps that cost as much as fingers bent by a palm's length
 CHANGE = 5.0  # cost of a change of the labels
-FLAT = 0.2
-"""Share of the palm's length, summed over both hands, by which flat fingers may bend backward."""
+FLAT = 0.2  # share of the palm's length, of both hands, by which flat fingers may bend backward
 SAME_PLACE, SHARE_OF_FRAMES = 0.02, 0.5
 """Mean metres between two palms that are one, and the share of the frames from which it is told."""
 

@@ -45,8 +45,7 @@ BACKWARD, CURL_JUMP = -0.2, 0.4
 """Share of the palm's length by which the fingertips of a hand of the other side are bent backward,
 and by how much more than in the frames around them."""
 GUESSED = 0.05  # confidence of fingers that are those of the frames around them
-ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])
-"""Of a hand: no turn but none at all maps it onto itself."""
+ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # of a hand: no turn maps it onto itself
 
 
 @dataclass(frozen=True)
@@ -122,8 +121,7 @@ class Track:
     trusted: Bool[Tensor, "T 21"]  # whether a keypoint has confidence in a frame with the hand
     side: Side
     fps: float
-    from_parts: tuple[Float[Tensor, "T 21 3"], ...]
-    """The same keypoints as each part of the object sees them."""
+    from_parts: tuple[Float[Tensor, "T 21 3"], ...]  # the same, as parts of the object see them
     shots: list[slice]  # stretches between cuts of the video, over which no motion leads
 
     @cached_property

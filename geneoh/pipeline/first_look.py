@@ -16,8 +16,7 @@ from geneoh.sequence.repeats import repeated_poses, repeats_told
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_distance, least_distance
 
-SECONDS = 2.0
-"""Of the frames that are looked at, from the first one with the hand on: a delay needs as many."""
+SECONDS = 2.0  # looked at, from the first frame with the hand on: a delay needs as many
 ORDER_FRAMES = 10  # frames with the hand after which an order of the keypoints is certain
 REPEATED = "as of a sensor that is slower than the hand's; give no pose in these frames"
 """What to do about repeated poses: a stream cannot know how many are to come."""

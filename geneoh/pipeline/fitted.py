@@ -25,10 +25,8 @@ from geneoh.pipeline.touch import REACH, finger_contact
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
 
-FELT = 20
-"""Frames before and after those with hands inside each other that are fitted anew with them."""
-ROUNDS = 2
-"""Rounds of fits: in each, a hand leaves the skin that the other one had before the round."""
+FELT = 20  # frames around those with hands inside each other that are fitted anew with them
+ROUNDS = 2  # in each, a hand leaves the skin that the other one had before the round
 
 
 @dataclass(frozen=True)

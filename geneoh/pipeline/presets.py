@@ -10,9 +10,7 @@ from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
 from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
 
-MOST_ROUNDS = 20
-"""Rounds of SpatialDiff, which takes longer with more and finds no better places after the first
-few."""
+MOST_ROUNDS = 20  # of SpatialDiff, which finds no better places after the first few
 
 
 @dataclass(frozen=True)
@@ -22,9 +20,7 @@ class StagePlan:
     level: int  # noise level that the input is brought to, 1 to 1000 of the schedule
     steps: int  # denoiser calls from that level down to a clean sample
     sampler: SamplerName = "ddim"
-    chains: int = 1
-    """MotionDiff in the paper's form: chains of each window, of which the closest to the input is
-    kept."""
+    chains: int = 1  # of each window in the paper's MotionDiff; that closest to the input is kept
 
     @property
     def calls(self) -> int:
@@ -46,8 +42,7 @@ class PlacePlan:
 
     places: int  # trial places of each window in each round
     steps: int = 4  # rounds, each of which tries places where those before were probable
-    frames: int | None = None
-    """Frames of each window that are looked at; None for as many as in training."""
+    frames: int | None = None  # of each window that are looked at; None for as many as in training
     sliding: bool = True
     """Whether a place over which the hand slides is less probable (`geneoh.denoisers.sliding`), and
     what comes and goes over the object is an error (`geneoh.denoisers.drifting`)."""
@@ -82,10 +77,8 @@ class Preset:
     """Settings of all stages, of the selection among samples and of the fit."""
 
     motion: StagePlan | None  # None leaves a stage out
-    spatial: PlacePlan | StagePlan | None
-    """A `StagePlan` is for the paper's form, on offsets around contact points."""
-    temporal: StagePlan | DirectPlan | None
-    """A `StagePlan` is for the paper's form, on a latent of all relations."""
+    spatial: PlacePlan | StagePlan | None  # `StagePlan`: the paper's form, on contact points
+    temporal: StagePlan | DirectPlan | None  # `StagePlan`: the paper's form, on a latent
     observed: bool
     """Whether the networks are shown the input, or only start from it as in the paper."""
     samples: int  # number of diffusion chains, unless the user chooses another
@@ -98,14 +91,11 @@ class Preset:
     canonical: bool = True
     """Whether the canonical frame moves with the contact points; False, for an ablation, holds it
     still in the world."""
-    clean_object: bool = True
-    """Whether noisy poses of the object are smoothed before the stages see the hand from it."""
+    clean_object: bool = True  # whether noisy poses are smoothed before hands are seen from them
     camera_told: bool = True
     """Whether the stages are shown the direction of the camera that the sequence knows."""
-    camera_found: bool = True
-    """Whether it is looked for in the noise of the hand, where it is not known."""
-    has_object: bool = True
-    """Whether the stages see the object; False cleans the hand by the prior of motion alone."""
+    camera_found: bool = True  # whether it is else looked for in the noise of the hand
+    has_object: bool = True  # False cleans the hand by the prior of motion alone
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""

@@ -40,8 +40,7 @@ from geneoh.sequence.windows import WINDOW
 HOP = 7
 """Frames between two runs of the stages, at most. The last of them has so many frames less after it
 than the lag."""
-PLACE_EVERY = 15
-"""Frames between two runs of SpatialDiff, over which its shift changes: what it mends lasts."""
+PLACE_EVERY = 15  # frames between two runs of SpatialDiff, over which its shift changes
 LEAST_PLACED = WINDOW // 2
 """Frames below which SpatialDiff is not asked. Of 10 frames of the example with noise "gauss" it
 makes 15.3 mm where MotionDiff alone leaves 9.2; of 30 frames 10.8 and 10.2."""

@@ -30,8 +30,7 @@ from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks
 
-LEAST_EVIDENCE = 0.02
-"""Reliance on the object's poses below which the stages that look at it are not run at all."""
+LEAST_EVIDENCE = 0.02  # reliance on poses below which the stages that look at them are not run
 FARTHEST = 10.0  # metres from the input that no sound network moves a keypoint
 OF_THE_PAPER: dict[str, tuple[str, Callable[..., Tensor]]] = {
     "motion": ("trajectory", denoise_trajectory),

@@ -21,8 +21,7 @@ ENDS = torch.zeros(len(EDGES), 21).index_put_(
     (torch.arange(len(EDGES)).repeat(2), torch.tensor(EDGES).T.flatten()), torch.tensor(1.0)
 )
 SHORTEST = 10  # frames below which nothing tells what a distance usually is
-LEAST, DEVIATIONS = 0.02, 6.0
-"""A distance is wrong from 2 cm and from so many of its usual deviations on."""
+LEAST, DEVIATIONS = 0.02, 6.0  # a distance is wrong from 2 cm and so many usual deviations on
 MOST = 5  # stray keypoints of a frame; with more of them the whole hand is wrong, or another one
 
 

@@ -17,8 +17,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.representation.region import ContactRegion
 
-UNIT = (0.01,) * 3 + (0.08,) * 3 + (0.25,) * 45
-"""Units of a change: wrist (m), global rotation (rad), finger joints (rad)."""
+UNIT = (0.01,) * 3 + (0.08,) * 3 + (0.25,) * 45  # of wrist (m), rotation (rad), fingers (rad)
 
 
 @dataclass(frozen=True)
