@@ -13,7 +13,6 @@ from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.baselines.features import Observation
 from geneoh.baselines.filters import (
     TUNED,
     Domain,
@@ -24,7 +23,13 @@ from geneoh.baselines.filters import (
     filtered,
     smoothed_centroid,
 )
-from geneoh.baselines.library import BASELINES, Baseline, baseline_weights, load_baseline
+from geneoh.baselines.networks import (
+    BASELINES,
+    Baseline,
+    Observation,
+    baseline_weights,
+    load_baseline,
+)
 from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, check_folder

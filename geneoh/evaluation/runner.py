@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from geneoh.baselines.library import BASELINES, baseline_weights
+from geneoh.baselines.networks import BASELINES, baseline_weights
 from geneoh.choices import Dataset
 from geneoh.config import as_dict, checked_call, given_options
 from geneoh.denoisers.library import all_weights

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.baselines.features import Observation
+from geneoh.baselines.networks import Observation
 from geneoh.bundle import Bundle
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from geneoh.baselines.regression import RegressionConfig
-from geneoh.baselines.toch import TochConfig
+from geneoh.baselines.networks import RegressionConfig, TochConfig
 from geneoh.choices import STAGES
 from geneoh.config import Limited, Limits
 from geneoh.denoisers.latent import LatentConfig

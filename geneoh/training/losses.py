@@ -7,8 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.baselines.regression import RegressionDenoiser
-from geneoh.baselines.toch import TochAutoencoder
+from geneoh.baselines.networks import RegressionDenoiser, TochAutoencoder
 from geneoh.denoisers.base import NOISE_SCALE
 from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser

@@ -8,8 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.baselines.regression import RegressionDenoiser
-from geneoh.baselines.toch import TochAutoencoder
+from geneoh.baselines.networks import RegressionDenoiser, TochAutoencoder
 from geneoh.choices import StageName
 from geneoh.config import as_dict
 from geneoh.denoisers.latent import LatentDenoiser

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from torch import Tensor
 
-from geneoh.baselines.library import baseline_weights
+from geneoh.baselines.networks import baseline_weights
 from geneoh.choices import StageName
 from geneoh.config import as_dict, flat, setting_differences, with_table
 from geneoh.denoisers.library import weights_of

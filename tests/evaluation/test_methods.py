@@ -10,7 +10,7 @@ import torch
 import trees
 
 from geneoh.baselines.filters import TUNED, filtered
-from geneoh.baselines.library import SHIPPED, baseline_weights
+from geneoh.baselines.networks import SHIPPED, baseline_weights
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
@@ -288,7 +288,7 @@ def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
 
 
 def test_baselines_without_weights_are_left_out_and_told(monkeypatch, tmp_path):
-    monkeypatch.setattr("geneoh.baselines.library.SHIPPED", tmp_path)
+    monkeypatch.setattr("geneoh.baselines.networks.SHIPPED", tmp_path)
     methods, notes = methods_of(ALL)
     assert [method.name for method in methods][-1] == "geneoh default"
     assert len(methods) == 10

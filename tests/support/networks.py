@@ -5,7 +5,7 @@ import torch
 from draws import normal, seeded
 from torch import nn
 
-from geneoh.baselines.features import Observation
+from geneoh.baselines.networks import Observation
 
 
 def observation(batch: int = 2, frames: int = 4, seed: int = 0) -> Observation:

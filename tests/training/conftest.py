@@ -7,8 +7,7 @@ import torch
 from draws import seeded
 from made_grasps import grasps_at
 
-from geneoh.baselines.regression import RegressionConfig
-from geneoh.baselines.toch import TochConfig
+from geneoh.baselines.networks import RegressionConfig, TochConfig
 from geneoh.denoisers.latent import LatentConfig
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.relations import RelationConfig

@@ -7,7 +7,7 @@ import torch
 from draws import seeded
 from stage_runs import Interrupted, stop_after, train_stage
 
-from geneoh.baselines.library import load_baseline
+from geneoh.baselines.networks import load_baseline
 from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint

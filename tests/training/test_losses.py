@@ -4,7 +4,7 @@ import pytest
 import torch
 from draws import seeded
 
-from geneoh.baselines.regression import RegressionDenoiser
+from geneoh.baselines.networks import RegressionDenoiser
 from geneoh.synthesis.draws import Draws
 from geneoh.training.batches import draw_batch
 from geneoh.training.losses import (

@@ -7,7 +7,7 @@ import pytest
 import torch
 from stage_runs import train_stage
 
-from geneoh.baselines.library import SHIPPED as BASELINE_WEIGHTS
+from geneoh.baselines.networks import SHIPPED as BASELINE_WEIGHTS
 from geneoh.choices import STAGES
 from geneoh.denoisers.library import SHIPPED
 from geneoh.denoisers.motion import MotionConfig
