@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import SIDES
-from geneoh.evaluation.generation.posed import PosedActions, mean_hands, posed_actions
+from geneoh.evaluation.generation.measures import PosedActions, mean_hands, posed_actions
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.metrics.report import measure_frames

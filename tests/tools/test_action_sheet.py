@@ -1,7 +1,7 @@
 import torch
 from made_actions import box_actions
 
-from geneoh.evaluation.generation.posed import posed_actions
+from geneoh.evaluation.generation.measures import posed_actions
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS
 from tools.action_sheet import (

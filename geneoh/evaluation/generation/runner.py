@@ -16,11 +16,16 @@ from geneoh.evaluation.generation.classifier import (
     ClassifierConfig,
     ClassifierTask,
 )
-from geneoh.evaluation.generation.generated import Drawn, draw_clips, drawn_and_refined
 from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
-from geneoh.evaluation.generation.nearest import SHAPE_POINTS, nearest_training
-from geneoh.evaluation.generation.refined import refined
 from geneoh.evaluation.generation.report import GenerationReport
+from geneoh.evaluation.generation.rows import (
+    SHAPE_POINTS,
+    Drawn,
+    draw_clips,
+    drawn_and_refined,
+    nearest_training,
+    refined,
+)
 from geneoh.evaluation.generation.scores import (
     REPETITIONS,
     SCORES,

@@ -1,0 +1,228 @@
+"""Rows of clips beside the real ones: the nearest training clips, and what the networks make."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle, concatenated
+from geneoh.choices import SIDES, Side
+from geneoh.errors import GeneOHError
+from geneoh.generators.text2hoi.interaction_file import sequence_of
+from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.passing import asked_giver
+from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
+from geneoh.generators.text2hoi.resting import eased, finished
+from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
+from geneoh.generators.text2hoi.sampling import sample
+from geneoh.generators.text2hoi.settling import settled
+from geneoh.generators.text2hoi.standing import StandingObject
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.reconstruction import mesh_of_points
+from geneoh.pipeline.denoise import clean_interaction
+from geneoh.pipeline.options import Options
+from geneoh.progress import OnStep, steps
+from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.draws import Draws
+from geneoh.workers.pool import results_of
+
+SHAPE_POINTS = 128  # points of an object by which shapes are compared
+
+
+def nearest_training(real: Actions, training: Actions) -> Actions:
+    """For each clip the motion of the training clip of its verb and hands whose object is nearest.
+
+    The motion is that of hands, object and joint as it was; the object that moves is the clip's
+    own. Objects of the same kind of joint are searched first. Where no training clip has the verb
+    and the hands, all with the hands are searched, else all. Objects are compared in size and shape
+    as they stand. A joint of another kind moves as far as networks are told it: a radian is a
+    decimetre.
+    """
+    at = torch.tensor([_nearest(real, clip, training) for clip in range(len(real.verb))])
+    found = training.take(at, "B")
+    same = ("length", "pose", "wrist", "rotation", "translation", "hands")
+    joint = found.joint * found.joint_units / real.joint_units
+    return replace(real, joint=joint, **{name: getattr(found, name) for name in same})
+
+
+def _nearest(real: Actions, clip: int, training: Actions) -> int:
+    hands = (training.hands == real.hands[clip]).all(1)
+    both = hands & (training.verb == real.verb[clip])
+    alike = both & (joint_kinds(training) == joint_kinds(real)[clip])
+    tried = next(each for each in (alike, both, hands, torch.ones_like(hands)) if bool(each.any()))
+    which = torch.nonzero(tried)[:, 0]
+    apart = chamfer(shape_points(training.take(which, "B")), shape_points(real)[clip])
+    return int(which[apart.argmin()])
+
+
+def joint_kinds(actions: Actions) -> Int[Tensor, " B"]:
+    """0 for rigid objects, 1 for those with a hinge and 2 for those with a part that slides."""
+    return (actions.part > 0).any(1) * (1 + actions.slides.long())
+
+
+def shape_points(actions: Actions) -> Float[Tensor, "B S 3"]:
+    """Some points of each object, spread over their order."""
+    count = actions.points.shape[1]
+    return actions.points[:, :: max(1, count // SHAPE_POINTS)]
+
+
+def chamfer(many: Float[Tensor, "B S 3"], one: Float[Tensor, "R 3"]) -> Float[Tensor, " B"]:
+    """Mean distance of each point to the nearest of the other cloud, both ways, metres."""
+    apart = torch.cdist(many, one)
+    return apart.amin(1).mean(1) + apart.amin(2).mean(1)
+
+
+AT_ONCE = 16  # clips that are drawn together
+
+
+@dataclass(frozen=True)
+class Drawn(Bundle):
+    """Actions as they were drawn, with the contact maps that they were made for."""
+
+    actions: Actions
+    touched: Float[Tensor, "B P"]
+
+
+def draw_clips(
+    networks: Networks,
+    data: ActionData,
+    *,
+    generator: torch.Generator,
+    contact: bool = True,
+    on_step: OnStep | None = None,
+) -> Drawn:
+    """An action for a random sentence on each real clip, with its object, hands and length.
+
+    Without `contact` the networks are told that no point of the object is touched.
+    """
+    real = data.actions.take(slice(None))
+    said = sentences(real, data, Draws(len(real.verb), generator))
+    parts, every = [], torch.arange(real.joint.shape[1])
+    for start in steps(range(0, len(said), AT_ONCE), on_step):
+        some = real.take(slice(start, start + AT_ONCE), "B")
+        objects = Objects.of(some)
+        asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
+        given = None if contact else torch.zeros_like(objects.points[..., 0])
+        verbs = [data.verb_words[verb] for verb in some.verb.tolist()]
+        giver: list[Side | None] = [
+            asked_giver(sentence.lower()) if verb == "pass" else None
+            for sentence, verb in zip(asked[1], verbs, strict=True)
+        ]
+        made, touched = sample(networks, *asked, generator=generator, contact=given, giver=giver)
+        # clips that were drawn together are as long as the longest of them
+        made = made.at_frames(every.minimum(made.length[:, None] - 1))
+        parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
+    return concatenated(parts, "B")
+
+
+def drawn_and_refined(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Actions:
+    """The drawn actions, after the paper's refiner or without one."""
+    if refiner is None:
+        return drawn.actions
+    parts = [drawn.take(slice(n, n + AT_ONCE), "B") for n in range(0, len(drawn.touched), AT_ONCE)]
+    return concatenated([refined_by(refiner, some.actions, some.touched) for some in parts], "B")
+
+
+STILL = 0.3
+"""Range of a joint's states below which it stands still: radians or decimetres."""
+
+
+def refined(
+    actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
+) -> Actions:
+    """Drawn clips as `geneoh generate --refine geneoh` makes them of what the paper's refiner left.
+
+    Objects have the meshes that follow from their points. One whose joint stands still is one
+    mesh, as `geneoh generate` is given it; hands at an object whose joint moves go through the
+    cleaner alone. `jobs` processes share the clips, each with one thread, and give the bits of one.
+
+    Raises:
+        GeneOHError: a clip ended its workers, as where memory runs out.
+    """
+    count, made = len(actions.verb), {}
+    clips = ((n, actions.take(slice(n, n + 1), "B")) for n in range(count))
+    refine = partial(refined_with_number, seed=seed)
+    for number, clip in results_of(clips, refine, jobs=jobs, lost=lost):
+        made[number] = clip
+        if on_step is not None:
+            on_step(len(made), count)
+    return concatenated([made[number] for number in range(count)], "B")
+
+
+def refined_with_number(numbered: tuple[int, Actions], seed: int) -> tuple[int, Actions]:
+    """A clip refined, with its number, because processes end in any order."""
+    number, clip = numbered
+    return number, refined_clip(clip, seed)
+
+
+def lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
+    """A clip that ended its workers ends the evaluation."""
+    raise GeneOHError(f"clip {numbered[0]} of those that are refined: {why}")
+
+
+def refined_clip(clip: Actions, seed: int) -> Actions:
+    """A batch of one clip, refined; a joint that stands still has one state in every frame."""
+    if not joint_rests(clip):
+        return refined_parts(clip, seed)
+    found = refined_parts(as_one_part(clip), seed)
+    return replace(
+        clip,
+        pose=found.pose,
+        wrist=found.wrist,
+        rotation=found.rotation,
+        translation=found.translation,
+        joint=mean_joint(clip),
+    )
+
+
+def refined_parts(clip: Actions, seed: int) -> Actions:
+    """A batch of one clip, refined, and at rest at either end, which the cleaner does not know."""
+    meshes, settle = part_meshes(clip), None
+    if len(meshes) == 1:
+        still = torch.eye(3), torch.zeros(3)
+        stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
+        settle = partial(settled, stood=stood, generator=torch.Generator().manual_seed(seed))
+    clip = finished(clip, settle)
+    sequence = sequence_of(clip, meshes)
+    clean = clean_interaction(sequence, Options(trust_object=True, seed=seed)).sequence
+    pose, wrist = clip.pose.clone(), clip.wrist.clone()
+    for track in clean.hands:
+        side, frames = SIDES.index(track.side), slice(track.frames)
+        assert track.pose is not None, "the cleaner fits a hand model"
+        assert track.wrist is not None, "the cleaner fits a hand model"
+        pose[0, side, frames], wrist[0, side, frames] = track.pose, track.wrist
+    return eased(replace(clip, pose=pose, wrist=wrist).ended())
+
+
+def joint_rests(clip: Actions) -> bool:
+    """Whether the joint of a batch of one clip moves by less than `STILL`."""
+    states = (clip.joint * clip.joint_units)[clip.valid]
+    return bool(states.max() - states.min() < STILL)
+
+
+def mean_joint(clip: Actions) -> Float[Tensor, "1 T"]:
+    """The mean state of the joint of a batch of one clip, in every frame."""
+    return clip.joint[clip.valid].mean().expand_as(clip.joint)
+
+
+def as_one_part(clip: Actions) -> Actions:
+    """A batch of one clip whose object is rigid, in the mean state of its joint."""
+    posed = replace(clip, joint=mean_joint(clip))
+    return replace(
+        posed,
+        points=posed.posed_points()[:, 0],
+        normals=posed.posed_normals()[:, 0],
+        part=torch.zeros_like(clip.part),
+        axis=torch.zeros_like(clip.axis),
+        joint=torch.zeros_like(clip.joint),
+    )
+
+
+def part_meshes(clip: Actions) -> tuple[Mesh, ...]:
+    """A mesh for each part of the object of a batch of one clip."""
+    points, normals, part = clip.points[0], clip.normals[0], clip.part[0]
+    which = [part == number for number in part.unique().tolist()]
+    return tuple(mesh_of_points(points[own], normals[own]) for own in which)
