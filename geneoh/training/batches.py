@@ -19,10 +19,9 @@ from geneoh.representation.region import ContactRegion
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.motion import Interactions
-from geneoh.training.augmentation import augmented
+from geneoh.training.augmentation import augmented, with_kept_contact
 from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption
-from geneoh.training.kept_contact import with_kept_contact
 from geneoh.training.windows import draw_windows, filled
 
 

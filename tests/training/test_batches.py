@@ -16,10 +16,9 @@ from geneoh.sequence.gaps import observed_around
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
-from geneoh.training.augmentation import AugmentationConfig
+from geneoh.training.augmentation import AugmentationConfig, KeptContactConfig
 from geneoh.training.batches import Batch, after_motion, draw_batch
 from geneoh.training.config import TrainConfig
-from geneoh.training.kept_contact import KeptContactConfig
 from geneoh.training.stages import build_model
 from geneoh.training.windows import WindowConfig, filled
 

@@ -9,8 +9,7 @@ from stage_runs import train_stage
 
 from geneoh.choices import StageName
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.training.augmentation import AugmentationConfig
-from geneoh.training.kept_contact import KeptContactConfig
+from geneoh.training.augmentation import AugmentationConfig, KeptContactConfig
 from geneoh.training.stages import build_model
 
 CPU = torch.device("cpu")

@@ -16,8 +16,13 @@ from geneoh.choices import BODY_STAGES, STEPS
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.runner import drawn, told_training
 from geneoh.evaluation.generation.scores import REPETITIONS, repeat
-from geneoh.evaluation.gestures.encoder import EncoderConfig, GestureEncoder, Seen
-from geneoh.evaluation.gestures.learning import POOL, EncoderTask
+from geneoh.evaluation.gestures.encoder import (
+    POOL,
+    EncoderConfig,
+    EncoderTask,
+    GestureEncoder,
+    Seen,
+)
 from geneoh.evaluation.gestures.rows import (
     made_by_networks,
     mean_pose,

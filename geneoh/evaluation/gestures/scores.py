@@ -11,8 +11,7 @@ from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS
 from geneoh.bundle import Bundle
 from geneoh.evaluation.generation.scores import Measure
-from geneoh.evaluation.gestures.encoder import GestureEncoder, Seen
-from geneoh.evaluation.gestures.learning import POOL
+from geneoh.evaluation.gestures.encoder import POOL, GestureEncoder, Seen
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval

@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from geneoh.evaluation.gestures.encoder import EncoderConfig, Seen
-from geneoh.evaluation.gestures.learning import EncoderTask
+from geneoh.evaluation.gestures.encoder import EncoderConfig, EncoderTask, Seen
 from geneoh.evaluation.gestures.rows import shuffled
 from geneoh.generators.text_network import SentenceConfig
 from geneoh.synthesis.gestures.repertoire import GestureShares

@@ -5,8 +5,13 @@ import torch
 from draws import seeded
 from made_gestures import made_gestures
 
-from geneoh.evaluation.gestures.encoder import SEEN, EncoderConfig, GestureEncoder, Seen
-from geneoh.evaluation.gestures.learning import EncoderTask
+from geneoh.evaluation.gestures.encoder import (
+    SEEN,
+    EncoderConfig,
+    EncoderTask,
+    GestureEncoder,
+    Seen,
+)
 from geneoh.evaluation.gestures.rows import shuffled
 from geneoh.generators.text_network import SentenceConfig
 from geneoh.training.loop import trained
