@@ -28,11 +28,9 @@ LOG = logging.getLogger(__name__)
 class Batch:
     """What is asked for every clip."""
 
-    folder: Path
-    """Of the results."""
+    folder: Path  # of the results
     options: Options = field(default_factory=Options)
-    reading: dict[str, Any] = field(default_factory=dict)
-    """Options of `geneoh.read` by name."""
+    reading: dict[str, Any] = field(default_factory=dict)  # options of `geneoh.read` by name
 
 
 @dataclass(frozen=True)
@@ -40,14 +38,12 @@ class Outcome:
     """What became of a clip."""
 
     clip: str
-    failed: str = ""
-    """Why it has no result, in one sentence; empty where it has."""
+    failed: str = ""  # why it has no result, in one sentence; empty where it has
     inputs: dict[str, str] = field(default_factory=dict)
     """Fingerprint of each file that was read, by its path."""
     files: dict[str, str] = field(default_factory=dict)
     """Fingerprint of each file that was written, by its path below the folder of results."""
-    hands: list[dict[str, Any]] = field(default_factory=list)
-    """A summary of each clean hand."""
+    hands: list[dict[str, Any]] = field(default_factory=list)  # a summary of each clean hand
 
 
 def clean_clip(clip: Clip, batch: Batch) -> Outcome:

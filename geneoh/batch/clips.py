@@ -32,8 +32,7 @@ from geneoh.readers.records import place_in
 LOG = logging.getLogger(__name__)
 
 COLUMNS = ("input", "name", "meshes", "source", "options")
-MANIFEST_LIMIT = 2**26
-"""Bytes of a manifest."""
+MANIFEST_LIMIT = 2**26  # bytes of a manifest
 SETTINGS = tuple(field.name for field in fields(Options))
 FOR_NPZ = ("side", "fps", "unit", "joint_order", "keypoint_unit", "object_pose", "camera")
 READING = (*FOR_NPZ, *OF_SOURCES)
@@ -45,20 +44,14 @@ PATHS = ("object_pose", "objects", "body", "weights", "mano_dir")
 class Clip:
     """One input, and what is asked for it beyond what is asked for the whole batch."""
 
-    name: str
-    """Of its result, below the folder of results and without ending; unique in a batch."""
+    name: str  # of its result, below the folder of results and without ending; unique in a batch
     path: Path
-    source: str | None = None
-    """Whose files they are; None for files that `geneoh.load` reads."""
+    source: str | None = None  # whose files they are; None for files that `geneoh.load` reads
     meshes: tuple[Path, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    """Fields of `geneoh.Options` by name."""
-    reading: dict[str, Any] = field(default_factory=dict)
-    """Options of `geneoh.read` by name."""
-    problem: str = ""
-    """Why there is nothing to read, in one sentence."""
-    is_named: bool = False
-    """Whether a manifest gives the name, which is then kept."""
+    settings: dict[str, Any] = field(default_factory=dict)  # fields of `geneoh.Options` by name
+    reading: dict[str, Any] = field(default_factory=dict)  # options of `geneoh.read` by name
+    problem: str = ""  # why there is nothing to read, in one sentence
+    is_named: bool = False  # whether a manifest gives the name, which is then kept
 
     def described(self) -> dict[str, Any]:
         """The clip as JSON can hold it; with another description it is other work."""

@@ -37,10 +37,8 @@ from geneoh.workers.pool import results_of
 class Cleaned:
     """What became of all clips of a batch."""
 
-    outcomes: tuple[Outcome, ...]
-    """Of each clip, in the order of the clips."""
-    before: int
-    """How many of them were done by an earlier run."""
+    outcomes: tuple[Outcome, ...]  # of each clip, in the order of the clips
+    before: int  # how many of them were done by an earlier run
 
     @property
     def failed(self) -> list[Outcome]:

@@ -19,10 +19,8 @@ from torch import Tensor, nn
 from geneoh.bench.measure import ZERO, Found, Tell, now, took
 from geneoh.nn.blocks import fourier, mlp
 
-FRAMES, POINTS = 60, 2000
-"""Frames of the paper's window, and contact points of its inference."""
-STEPS = {"motion": 400, "spatial": 200, "temporal": 100}
-"""Denoiser calls of each stage."""
+FRAMES, POINTS = 60, 2000  # frames of the paper's window, and contact points of its inference
+STEPS = {"motion": 400, "spatial": 200, "temporal": 100}  # denoiser calls of each stage
 POINTS_ON_CPU = 20
 """Points that are timed on a CPU, of which each has a diffusion chain of its own: time is linear in
 their number. All at once are 8 TFLOP a step."""

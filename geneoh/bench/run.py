@@ -24,8 +24,7 @@ from geneoh.files.reading import read_bytes
 from geneoh.progress import OnProgress
 
 GENERATOR = "geneoh bench"
-TRIANGLES = 2000
-"""Those of the example's mesh."""
+TRIANGLES = 2000  # those of the example's mesh
 
 
 @dataclass(frozen=True)
@@ -69,10 +68,8 @@ class Bench:
 
     base: Point
     axes: Axes
-    paper: bool = True
-    """Whether networks of the paper's sizes are timed beside ours on one window."""
-    tree: Path | None = None
-    """Checkout of another version to measure before this one at each point."""
+    paper: bool = True  # whether networks of the paper's sizes are timed beside ours on one window
+    tree: Path | None = None  # checkout of another version to measure before this one at each point
 
     def along(self, axis: str) -> list[Point]:
         """The points of an axis, of both versions."""

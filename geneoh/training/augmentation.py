@@ -109,8 +109,7 @@ def _correction(
     return (slope.mT @ torch.linalg.solve(system, wanted))[..., 0]
 
 
-MOST_PERIOD = 1_000_000
-"""Frames of the slowest motion."""
+MOST_PERIOD = 1_000_000  # frames of the slowest motion
 
 
 @dataclass(frozen=True)

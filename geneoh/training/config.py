@@ -20,8 +20,7 @@ from geneoh.training.recordings import ClipConfig
 from geneoh.training.run_config import RunConfig
 from geneoh.training.windows import WindowConfig
 
-FOLLOWS = ("spatial", "temporal", "relations")
-"""Stages that learn on the output of MotionDiff."""
+FOLLOWS = ("spatial", "temporal", "relations")  # stages that learn on the output of MotionDiff
 
 
 @dataclass(frozen=True)

@@ -107,8 +107,7 @@ class Corruption(Bundle):
 
     translation: Float[Tensor, "B T 3"]
     pose: Float[Tensor, "B T 16 3"]
-    bend: Float[Tensor, "B 15"]
-    """Factor of the angles of the finger joints, before `pose` is added."""
+    bend: Float[Tensor, "B 15"]  # factor of the angles of the finger joints, before `pose` is added
     memory: Float[Tensor, "B 2"]
     """Share that the place and the fingers, as filtered, keep of the frame before."""
     keep: Bool[Tensor, "B T"]

@@ -21,8 +21,7 @@ from geneoh.training.optimizer import Optimizer
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
 """Settings that may change when a run is continued: of its steps they change only the last ones."""
-OF_DATA = ("synthesis", "clips", "recorded")
-"""Settings of how data is made."""
+OF_DATA = ("synthesis", "clips", "recorded")  # settings of how data is made
 COMPARED = {
     "stage": "stage",
     "data": "training data (fingerprint)",

@@ -34,16 +34,12 @@ from geneoh.workers.pool import (
     use_one_thread,
 )
 
-ANSWER = 10.0
-"""Seconds in which a cluster must answer."""
+ANSWER = 10.0  # seconds in which a cluster must answer
 RENEWED = 30.0
 """Seconds after which the connection to a head is renewed, before the head itself ends it."""
-BEGIN = 60.0
-"""Seconds in which the work must begin on a cluster that is there."""
-WAITING = 1000
-"""Items that the cluster knows of at a time."""
-HEAD_LOST = 3
-"""Exit code of the process that speaks with Ray."""
+BEGIN = 60.0  # seconds in which the work must begin on a cluster that is there
+WAITING = 1000  # items that the cluster knows of at a time
+HEAD_LOST = 3  # exit code of the process that speaks with Ray
 
 
 def on_cluster(

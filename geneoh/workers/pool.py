@@ -27,10 +27,8 @@ Do = Callable[[Item], Result]
 Lost = Callable[[Item, str], Result]
 """The result of an item that killed its workers, from the item and the reason in words."""
 
-TRIES = 2
-"""Workers that an item may lose."""
-PATIENCE = 10.0
-"""Seconds that a worker has to put away what it has half written."""
+TRIES = 2  # workers that an item may lose
+PATIENCE = 10.0  # seconds that a worker has to put away what it has half written
 
 
 def results_of(
@@ -65,8 +63,7 @@ class Worker:
     process: BaseProcess
     pipe: Connection
     item: Any = None
-    tries: int = 0
-    """How often the item was begun."""
+    tries: int = 0  # how often the item was begun
 
     def begin(self, item: Any, tries: int) -> None:
         """Give it an item; where it is dead, the answer will say so."""

@@ -126,8 +126,7 @@ def drawn_and_refined(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Ac
     return concatenated([refined_by(refiner, some.actions, some.touched) for some in parts], "B")
 
 
-STILL = 0.3
-"""Range of a joint's states below which it stands still: radians or decimetres."""
+STILL = 0.3  # range of a joint's states below which it stands still: radians or decimetres
 
 
 def refined(

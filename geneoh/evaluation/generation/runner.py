@@ -69,8 +69,7 @@ class GenerationOptions:
     dataset: ActionDataset = "synthetic"
     """What the folder holds: shards of `geneoh synthesize --actions`, whose validation clips are of
     held-out objects; or a data set with labels of actions, of which a subject is held out."""
-    limit: int = CLIPS
-    """Most validation clips, spread over all of them."""
+    limit: int = CLIPS  # most validation clips, spread over all of them
     refine: Refiner = "none"
     """ "geneoh" for a row of what `geneoh generate` makes: hands are brought to the object and go
     through the cleaner, several seconds a clip."""
@@ -78,14 +77,12 @@ class GenerationOptions:
     """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
     seed: int = 0
     repetitions: int = REPETITIONS
-    mano: Path | None = None
-    """Folder of the user's MANO, for data sets that need it."""
+    mano: Path | None = None  # folder of the user's MANO, for data sets that need it
     recorded: RecordedConfig = field(default_factory=RecordedConfig)
     """How actions are cut out of recordings."""
     classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
     """The recipe of the first classifier; the others have the seeds that follow."""
-    classifiers: int = CLASSIFIERS
-    """Classifiers whose mean scores are reported."""
+    classifiers: int = CLASSIFIERS  # classifiers whose mean scores are reported
 
     def __post_init__(self) -> None:
         if self.classifiers < 1:
@@ -94,8 +91,7 @@ class GenerationOptions:
             )
 
 
-Row = Callable[[OnStep | None], Actions]
-"""Makes the clips of a row, telling its progress."""
+Row = Callable[[OnStep | None], Actions]  # makes the clips of a row, telling its progress
 
 
 def evaluate_generator(

@@ -59,8 +59,7 @@ class GestureOptions:
     """Folder of shards of bodies, made by `geneoh synthesize --bodies`: the encoder is trained on
     its training clips; the conditions are its validation clips, of held-out bodies and ways of
     making gestures."""
-    limit: int = CLIPS
-    """Most validation clips, spread over all of them."""
+    limit: int = CLIPS  # most validation clips, spread over all of them
     weights: Path | None = None
     """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
     seed: int = 0
