@@ -39,7 +39,6 @@ from geneoh.files.fingerprints import file_digest, file_digests, package_version
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.refiner import RefinerNetwork
 from geneoh.generators.text2hoi.resting import finished
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
@@ -114,7 +113,10 @@ def evaluate_generator(
     training, held_out, notes = split_clips(options, folder, on_progress)
     validation = held_out.actions.take(slice(None))
     tasks = classifier_tasks(options, training, validation, len(held_out.verb_words))
-    models = [kept_classifier(task, folder, on_progress) for task in tasks]
+    models = [
+        trained(task, folder / name, on_step=told_training(on_progress, name))
+        for name, task in tasks.items()
+    ]
     count = min(options.limit, len(validation.verb))
     real = validation.take(spread(len(validation.verb), count), "B")
     rows: dict[str, Row] = {
@@ -135,24 +137,14 @@ def evaluate_generator(
 
 def classifier_tasks(
     options: GenerationOptions, training: Actions, validation: Actions, verbs: int
-) -> list[ClassifierTask]:
-    """The same training with as many seeds as there are classifiers."""
+) -> dict[str, ClassifierTask]:
+    """The same training with as many seeds as there are classifiers, by the folder of each."""
     first = options.classifier
     seeds = range(first.seed, first.seed + options.classifiers)
-    return [ClassifierTask(replace(first, seed=n), training, validation, verbs) for n in seeds]
-
-
-def kept_classifier(
-    task: ClassifierTask, folder: Path, on_progress: OnProgress | None
-) -> ActionClassifier:
-    """The classifier of a task, kept in a folder of its seed."""
-    name = folder_of(task)
-    return trained(task, folder / name, on_step=told_training(on_progress, name))
-
-
-def folder_of(task: ClassifierTask) -> str:
-    """The folder of a classifier, in that of the evaluation."""
-    return f"{FOLDER}_{task.config.seed}"
+    return {
+        f"{FOLDER}_{n}": ClassifierTask(replace(first, seed=n), training, validation, verbs)
+        for n in seeds
+    }
 
 
 def scores_under(
@@ -164,11 +156,7 @@ def scores_under(
     scored = {name: scored_by(model, *row) for name, row in rows.items()}
     scored = with_random_verbs(scored, options.seed)
     return repeat(
-        scored[REAL],
-        scored,
-        seed=options.seed,
-        repetitions=options.repetitions,
-        scores=SCORES,
+        scored[REAL], scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES
     )
 
 
@@ -177,30 +165,23 @@ def network_rows(
 ) -> dict[str, Row]:
     """What the networks make, with and without their parts; all draw the same noise."""
     made: dict[bool, Drawn] = {}
+    refiner = load_refiner(options.weights)
 
-    def drawn_for(on_step: OnStep | None, contact: bool) -> Drawn:
+    def make(on_step: OnStep | None, contact: bool = True, refine: bool = False) -> Actions:
         if contact not in made:  # rows differ in what is done with the same actions
             generator = drawn(options.seed, "text2hoi")
             made[contact] = draw_clips(
                 networks, real, generator=generator, contact=contact, on_step=on_step
             )
-        return made[contact]
-
-    def make(
-        on_step: OnStep | None, contact: bool = True, refiner: RefinerNetwork | None = None
-    ) -> Actions:
-        return finished(drawn_and_refined(drawn_for(on_step, contact), refiner))
-
-    refiner = load_refiner(options.weights)
+        return drawn_and_refined(made[contact], refiner if refine else None)
 
     def mended(on_step: OnStep | None) -> Actions:
-        clips = drawn_and_refined(drawn_for(None, contact=True), refiner)
-        return refined(clips, seed=options.seed, jobs=jobs, on_step=on_step)
+        return refined(make(None, refine=True), seed=options.seed, jobs=jobs, on_step=on_step)
 
     rows: dict[str, Row] = {
-        "text2hoi, no contact map": partial(make, contact=False),
-        "text2hoi, not refined": make,
-        "text2hoi, paper's refiner": partial(make, refiner=refiner),
+        "text2hoi, no contact map": lambda on_step: finished(make(on_step, contact=False)),
+        "text2hoi, not refined": lambda on_step: finished(make(on_step)),
+        "text2hoi, paper's refiner": lambda on_step: finished(make(on_step, refine=True)),
     }
     return rows | ({"text2hoi": mended} if options.refine == "geneoh" else {})
 
@@ -241,13 +222,13 @@ def thinned(clips: Actions) -> Actions:
 
 
 def settings_of(
-    options: GenerationOptions, tasks: list[ClassifierTask], folder: Path, clips: int
+    options: GenerationOptions, tasks: dict[str, ClassifierTask], folder: Path, clips: int
 ) -> dict[str, Any]:
     """What the scores depend on."""
-    first = tasks[0]
+    first = next(iter(tasks.values()))
     hashes = {
-        str(task.config.seed): file_digest([folder / folder_of(task) / f"{task.name}.safetensors"])
-        for task in tasks
+        str(task.config.seed): file_digest([folder / name / f"{task.name}.safetensors"])
+        for name, task in tasks.items()
     }
     return {
         "data": str(options.data.resolve()),

@@ -7,7 +7,7 @@ clips have a distance too, that of one half to the other, which is as near as an
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Literal, TypeVar
 
 import torch
 from jaxtyping import Float, Int
@@ -62,11 +62,17 @@ MEASURES = (
 
 
 @dataclass(frozen=True)
-class ScoredClips(Bundle):
+class Encoded(Bundle):
+    """B clips of a row whose features are known."""
+
+    features: Float[Tensor, "B F"]
+
+
+@dataclass(frozen=True)
+class ScoredClips(Encoded):
     """What is known of each of B clips of a row."""
 
     verb: Int[Tensor, " B"]  # that was asked for
-    features: Float[Tensor, "B F"]
     scores: Float[Tensor, "B C"]
     measures: ClipMeasures
 
@@ -83,26 +89,13 @@ class RowScores:
         return {key: interval(torch.tensor(values)) for key, values in self.values.items()}
 
 
-@runtime_checkable
-class Encoded(Protocol):
-    """Clips of a row whose features are known."""
-
-    @property
-    def features(self) -> Tensor:
-        """A vector of each."""
-        ...
-
-    def take(self, index: Any, axis: str) -> Any:
-        """Some of the clips."""
-        ...
-
-
 Scored = TypeVar("Scored", bound=Encoded)
 
 
 def scored_by(model: ActionClassifier, clips: Actions, measures: ClipMeasures) -> ScoredClips:
     """What is known of each clip of a row under a classifier, and without one."""
-    return ScoredClips(clips.verb, *classified(model, clips), measures)
+    features, scores = classified(model, clips)
+    return ScoredClips(features, clips.verb, scores, measures)
 
 
 def repeat(

@@ -9,8 +9,7 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS
-from geneoh.bundle import Bundle
-from geneoh.evaluation.generation.scores import Measure
+from geneoh.evaluation.generation.scores import Encoded, Measure
 from geneoh.evaluation.gestures.encoder import POOL, GestureEncoder, Seen
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
@@ -54,11 +53,10 @@ def mean_of_counted(
 
 
 @dataclass(frozen=True)
-class ScoredHands(Bundle):
+class ScoredHands(Encoded):
     """What is known of each of B clips of a row."""
 
-    told: Float[Tensor, "B F"]  # of the sentence that was asked for
-    features: Float[Tensor, "B F"]
+    told: Float[Tensor, "B F"]  # features of the sentence that was asked for
     acceleration_mm: Float[Tensor, " B"]
     beyond: Float[Tensor, " B"]
     several: Float[Tensor, "P S F"]  # features of S hands for each of P bodies and sentences
@@ -79,8 +77,8 @@ def score_hands(
     joints = pose(real.skeleton, motion).positions[:, :, BODY_JOINTS:]
     moved = per_frame_squared(acceleration(joints, FPS), FPS)
     return ScoredHands(
-        told,
         model.motions(Seen.moved(real, motion)),
+        told,
         mean_of_counted(moved, real.before_end[:, 2:]),  # value t is made of frames up to t + 2
         share_beyond(fingers, motion, real.before_end),
         told.new_zeros(0, 0, told.shape[1]) if several is None else several,

@@ -20,7 +20,7 @@ def scored(features: torch.Tensor, verb: torch.Tensor, **measures: float) -> Sco
     count = len(verb)
     values = {f.name: torch.full((count,), measures.get(f.name, 1.0)) for f in fields(ClipMeasures)}
     answers = torch.nn.functional.one_hot(verb, 13).float()
-    return ScoredClips(verb, features, answers, ClipMeasures(**values))
+    return ScoredClips(features, verb, answers, ClipMeasures(**values))
 
 
 def drawn(count: int = 400, shift: float = 0.0, seed: int = 0) -> torch.Tensor:

@@ -22,8 +22,8 @@ def scored(features: torch.Tensor, told: torch.Tensor | None = None, several: in
     count, width = features.shape
     generator = torch.Generator().manual_seed(1)
     return ScoredHands(
-        features if told is None else told,
         features,
+        features if told is None else told,
         torch.full((count,), 2.0),
         torch.full((count,), 0.25),
         torch.randn(several, 3, width, generator=generator),
