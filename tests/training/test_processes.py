@@ -122,15 +122,15 @@ def assert_alike(first, second, stage):
 
 
 def run_each(team, config, clips, folder) -> dict[str, list[float]]:
-    """Train one stage after the other, and the losses of each."""
-    stages = ("motion", "spatial", "temporal", "latent")
+    """Train one stage after the other, and the losses of each; MotionDiff has a test of its own."""
+    stages = ("spatial", "temporal", "latent")
     return {stage: run(team, stage, config, clips, folder / stage) for stage in stages}
 
 
 @pytest.mark.slow
 def test_two_processes_take_the_steps_of_one(tmp_path, clips, tiny):
     """Each has half of the windows: one process with twice the batch of a process."""
-    config = replace(tiny, batch=4, validation_batches=3)
+    config = replace(tiny, batch=4, steps=2, autoencoder_steps=1, validation_batches=3)
     alone = run_each(Team(), config, clips, tmp_path / "one")
     first, second = together(2, run_each, config, clips, tmp_path / "two")
     assert first == second
