@@ -26,13 +26,7 @@ from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey
 from geneoh.files.atomic import make_folder
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
-from geneoh.files.journal import (
-    SCORED,
-    append_journal,
-    begin_journal,
-    only_run_in,
-    read_journal,
-)
+from geneoh.files.journal import SCORED, append_journal, begin_journal, only_run_in, read_journal
 from geneoh.files.outputs import is_ours, keep_others
 from geneoh.hand.library import load_hand
 from geneoh.modes import undisturbed

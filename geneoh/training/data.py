@@ -226,9 +226,7 @@ def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str])
     return CutClips(source, Streamed.of(clips), records, reasons)
 
 
-def split(
-    found: Sequence[list[Portion] | CutClips],
-) -> tuple[list[list[Portion]], list[str]]:
+def split(found: Sequence[list[Portion] | CutClips]) -> tuple[list[list[Portion]], list[str]]:
     """What to learn from and what to validate on of each source, and words on recordings."""
     splits = iter(held_out([each.records for each in found if isinstance(each, CutClips)]))
     portions: list[list[Portion]] = []

@@ -217,9 +217,7 @@ def temporal_latent(
 
 
 def keypoint_loss(
-    model: TochAutoencoder | RegressionDenoiser,
-    batch: Batch,
-    draws: Draws,
+    model: TochAutoencoder | RegressionDenoiser, batch: Batch, draws: Draws
 ) -> Float[Tensor, ""]:
     """Mean distance of the predicted keypoints to the clean ones: plain regression."""
     del draws  # draws nothing; the signature is shared by all losses

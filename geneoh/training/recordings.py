@@ -26,13 +26,7 @@ from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files
 from geneoh.progress import OnStep, steps
-from geneoh.readers.base import (
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clip_name,
-    paths_matching,
-)
+from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
 from geneoh.readers.convert import mesh_files
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz_files import load

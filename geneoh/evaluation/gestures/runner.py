@@ -23,19 +23,8 @@ from geneoh.evaluation.gestures.encoder import (
     GestureEncoder,
     Seen,
 )
-from geneoh.evaluation.gestures.rows import (
-    made_by_networks,
-    mean_pose,
-    nearest_body,
-    shuffled,
-)
-from geneoh.evaluation.gestures.scores import (
-    MEASURES,
-    SCORES,
-    ScoredHands,
-    range_of,
-    score_hands,
-)
+from geneoh.evaluation.gestures.rows import made_by_networks, mean_pose, nearest_body, shuffled
+from geneoh.evaluation.gestures.scores import MEASURES, SCORES, ScoredHands, range_of, score_hands
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
 from geneoh.generators.both2hands.limits import FingerRange
