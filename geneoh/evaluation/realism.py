@@ -157,22 +157,20 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
     )
 
 
-def synthetic_clips(
-    folder: Path, hand: HandModel, *, augmented: bool = False, per_shard: int = CLIPS_PER_SHARD
-) -> HandClips:
-    """The first `per_shard` clips of some training shards, which are spread over the folder."""
+def synthetic_clips(folder: Path, hand: HandModel, *, augmented: bool = False) -> HandClips:
+    """The first clips of some training shards, which are spread over the folder."""
     paths = find_shards(folder, "train")
     at = spread(len(paths), min(SHARDS, len(paths))).tolist()
-    found = [shard_clips(paths[i], hand, augmented, per_shard) for i in at]
+    found = [shard_clips(paths[i], hand, augmented) for i in at]
     names = [field.name for field in fields(HandClips)]
     return HandClips(*(torch.cat([getattr(clips, name) for clips in found]) for name in names))
 
 
 @torch.no_grad()
-def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> HandClips:
+def shard_clips(path: Path, hand: HandModel, augmented: bool) -> HandClips:
     """The first clips of one shard."""
     shard = replay_shard(path)
-    shard = shard.chosen(torch.arange(min(count, len(shard.clips.wrist))))
+    shard = shard.chosen(torch.arange(min(CLIPS_PER_SHARD, len(shard.clips.wrist))))
     if augmented:
         # The seed's name is part of published figures: another name draws another augmentation.
         generator = seeded_generator("lively", path.name)

@@ -185,13 +185,14 @@ def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
     config = SynthesisConfig(count=6, frames=40, points=16, shard=2, grasps=ANY_GRASP)
     hand = load_hand("right")
     write_shards(tmp_path, config, seed=0)
-    found = synthetic_clips(tmp_path, hand, per_shard=1)
+    monkeypatch.setattr(realism, "CLIPS_PER_SHARD", 1)
+    found = synthetic_clips(tmp_path, hand)
     assert found.world.shape == (2, 40, 21, 3), "two training shards, one clip of each"
     assert len(found.depth) == 2 * 40 // MESH_EVERY
     assert bool((found.touching | (found.depth == 0)).all())
 
-    augmented = synthetic_clips(tmp_path, hand, augmented=True, per_shard=1)
-    again = synthetic_clips(tmp_path, hand, augmented=True, per_shard=1)
+    augmented = synthetic_clips(tmp_path, hand, augmented=True)
+    again = synthetic_clips(tmp_path, hand, augmented=True)
     assert torch.equal(augmented.world, again.world)
     torch.testing.assert_close(bone_lengths(augmented.world), bone_lengths(found.world))
     calm, restless = (
