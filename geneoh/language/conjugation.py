@@ -1,40 +1,18 @@
 """Forms of English verbs, of phrasal verbs such as "put down" too."""
 
+import re
 from itertools import pairwise
 
 _VOWELS = "aeiou"
 _DOUBLED = frozenset({"transfer", "uncap", "unplug", "unzip"})
 """Verbs of two syllables that double their last letter, as those of one do."""
-_PARTICIPLES = {
-    "break": "broken",
-    "bring": "brought",
-    "cut": "cut",
-    "draw": "drawn",
-    "drink": "drunk",
-    "eat": "eaten",
-    "feel": "felt",
-    "fly": "flown",
-    "give": "given",
-    "grind": "ground",
-    "hold": "held",
-    "lay": "laid",
-    "make": "made",
-    "put": "put",
-    "read": "read",
-    "see": "seen",
-    "set": "set",
-    "shake": "shaken",
-    "shut": "shut",
-    "slide": "slid",
-    "spin": "spun",
-    "sweep": "swept",
-    "swing": "swung",
-    "take": "taken",
-    "tie": "tied",
-    "wear": "worn",
-    "wind": "wound",
-    "write": "written",
-}
+_IRREGULAR = """
+    break broken, bring brought, cut cut, draw drawn, drink drunk, eat eaten, feel felt, fly flown,
+    give given, grind ground, hold held, lay laid, make made, put put, read read, see seen, set set,
+    shake shaken, shut shut, slide slid, spin spun, sweep swept, swing swung, take taken, tie tied,
+    wear worn, wind wound, write written
+"""
+_PARTICIPLES: dict[str, str] = dict(re.findall(r"(\w+) (\w+)", _IRREGULAR))
 """Past participles that no rule gives."""
 
 
