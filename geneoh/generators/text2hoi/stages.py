@@ -9,12 +9,11 @@ from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
-from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.library import encoder_of, told_network
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
-from geneoh.generators.text2hoi.training import ActionTask
+from geneoh.generators.text2hoi.training import ActionTask, LengthTask, LengthTrainConfig
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.training.data import DataSource, TrainingData

@@ -1,33 +1,37 @@
-"""The networks of Text2HOI as tasks of the training loop."""
+"""The networks of Text2HOI as tasks of the training loop, and the loss of each on samples."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
+from geneoh.bundle import Bundle
 from geneoh.choices import ActionStage
 from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.generators.text import TextEncoder
+from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.config import Text2HoiConfig
-from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.refiner import RefinerNetwork
-from geneoh.generators.text2hoi.samples import ActionData, draw_samples
+from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
+from geneoh.generators.text2hoi.losses import geometric_loss, simple_loss
+from geneoh.generators.text2hoi.recorded import RecordedConfig
+from geneoh.generators.text2hoi.refiner import RefinerNetwork, points_of
+from geneoh.generators.text2hoi.refiner_losses import refiner_loss
+from geneoh.generators.text2hoi.samples import ActionData, Samples, draw_samples, sentences
 from geneoh.generators.text2hoi.scales import set_statistics
-from geneoh.generators.text2hoi.task_losses import (
-    contact_task_loss,
-    interaction_loss,
-    refiner_task_loss,
-)
 from geneoh.generators.text2hoi.text import ASKED
+from geneoh.generators.text2hoi.tokens import Tokens, actions_of, tokens_of
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.data import TrainingData
 from geneoh.training.loop import divided_batch, first_weights
 from geneoh.training.resume import digest
+from geneoh.training.run_config import RunConfig
 
 
 @dataclass(frozen=True)
@@ -82,14 +86,164 @@ class ActionTask(SamplesTask):
         return actions_record(self.data, self.encoder) | weights
 
 
+@dataclass(frozen=True)
+class LengthTrainConfig(RunConfig):
+    """The training of the length network."""
+
+    steps: int = 2000
+    batch: int = 64
+    divergence: float = 0.001  # weight of the divergence of the latent
+    length: LengthConfig = field(default_factory=LengthConfig)
+    recorded: RecordedConfig = field(default_factory=RecordedConfig)
+    """How recordings of the user become actions."""
+
+
+@dataclass(frozen=True)
+class LengthSamples(Bundle):
+    """A batch of sentences with the lengths of their actions."""
+
+    length: Int[Tensor, " B"]
+    text: Float[Tensor, "B W"]
+
+
+@dataclass(frozen=True)
+class LengthTask(SamplesTask):
+    """The length network, learned from sentences for actions."""
+
+    config: LengthTrainConfig
+    data: TrainingData[ActionData]
+    encoder: TextEncoder
+    name: str = "length"
+
+    @property
+    def loss(self) -> Loss:
+        """The loss of the network."""
+        return length_task_loss
+
+    def network(self) -> LengthNetwork:
+        """A fresh network."""
+        with first_weights(self.config.seed, self.name, "weights"):
+            return LengthNetwork(self.config.length)
+
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """Random actions with a random sentence each."""
+        data = self.data.training if training else self.data.validation
+        generator = seeded_generator(self.config.seed, self.name, *parts)
+        draws = Draws(own.count, generator, own)
+        chosen = data.actions.take(draws.integers(0, len(data.actions)))
+        text = self.encoder.encode(sentences(chosen, data, draws))
+        return divided_batch(LengthSamples(chosen.length, text), generator, own, pieces)
+
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the actions and of the text encoder."""
+        return actions_record(self.data, self.encoder)
+
+
+def length_task_loss(
+    network: LengthNetwork, samples: LengthSamples, config: LengthTrainConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the length network."""
+    noise = draws.normal(network.config.latent).to(samples.text)
+    length, weight = samples.length, config.divergence
+    return length_loss(network, length, samples.text, divergence=weight, noise=noise)
+
+
+def contact_task_loss(
+    network: ContactNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the contact network."""
+    return contact_loss(
+        network,
+        samples.objects,
+        samples.touched,
+        samples.text,
+        divergence=config.divergence,
+        noise=draws.normal(network.config.latent).to(samples.text),
+    )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer of the interaction network to clips with noise."""
+
+    clean: Tokens
+    guess: Tokens
+    squared: Float[Tensor, ""]  # the simple loss
+    sigma: Float[Tensor, " B"]  # of the noise
+
+
+def answer_to_noise(
+    network: InteractionNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+) -> Answer:
+    """What the network makes of the samples at random levels of noise, in one pass."""
+    tokens = tokens_of(samples.actions, network.config.frame)
+    condition = Condition(
+        samples.text,
+        samples.objects,
+        samples.contact,
+        tokens.present,
+        tokens.valid,
+        ~draws.chance(config.text_dropout).to(tokens.present.device),
+        ~draws.chance(config.object_dropout).to(tokens.present.device),
+    )
+    level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
+    clean = network.normalise(tokens.flat) * tokens.defined
+    noise = draws.normal(*clean.shape[1:]).to(clean)
+    sigma = network.sigmas[level]
+    x = clean + sigma[:, None, None] * noise
+    found = network.denoised(x, level.float(), network.encode(condition))
+    guess = tokens.with_flat(network.denormalise(found))
+    return Answer(tokens, guess, simple_loss(found, clean, tokens.defined), sigma)
+
+
+def interaction_loss(
+    network: InteractionNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the interaction network at random levels of noise."""
+    answer = answer_to_noise(network, samples, config, draws)
+    sigma = answer.sigma
+    share = 1 / (1 + sigma.square()) if config.losses.sharp else torch.ones_like(sigma)
+    actions, touched = samples.actions, samples.touched
+    return answer.squared + geometric_loss(
+        answer.guess, answer.clean, actions, touched, config.losses, draws, share
+    )
+
+
+def refiner_task_loss(
+    interaction: InteractionNetwork,
+    network: RefinerNetwork,
+    samples: Samples,
+    config: Text2HoiConfig,
+    draws: Draws,
+) -> Float[Tensor, ""]:
+    """The loss of the refiner on what one pass of the interaction network makes of clips.
+
+    Source: Text2HOI, section 3.5 and its code. The object is where the interaction network puts it.
+    """
+    interaction = interaction.to(samples.text.device)
+    with torch.no_grad():
+        guess = answer_to_noise(interaction, samples, config, draws).guess
+        made = actions_of(guess, samples.actions)
+    coarse, clean = (tokens_of(a, network.config.frame) for a in (made, samples.actions))
+    points, contact, normals = points_of(made, coarse, samples.contact, network.config.points)
+    found = network(coarse, points, contact)
+    return refiner_loss(found, coarse, clean, points, normals, config.refining)
+
+
 def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict[str, Any]:
-    """What weights tell of the actions that they were learned from, and of the text encoder."""
+    """What weights tell of the actions that they were learned from, and of the text encoder.
+
+    Of the encoder it is the vector of `ASKED`: a fingerprint in half precision, by which runs are
+    continued; and its numbers, because machines round a vector apart.
+    """
+    vector = encoder.encode([ASKED])
     return {
         "sequences": len(data.training.actions),
         "data": data_digest(data.training),
         "validation": data_digest(data.validation),
         "words": words_digest(data.training, data.validation),
-        **text_record(encoder),
+        "text": digest([vector.half()]),
+        "text_vector": vector[0].tolist(),
     }
 
 
@@ -106,13 +260,3 @@ def words_digest(*several: ActionData) -> str:
         yield from (*data.names, *data.verb_words)
 
     return digest(part for data in several for part in parts(data))
-
-
-def text_record(encoder: TextEncoder) -> dict[str, Any]:
-    """What weights tell of the text encoder that they were trained with, by the vector of `ASKED`.
-
-    A fingerprint of it in half precision, by which runs are continued; and its numbers, because
-    machines round a vector apart.
-    """
-    vector = encoder.encode([ASKED])
-    return {"text": digest([vector.half()]), "text_vector": vector[0].tolist()}

@@ -4,9 +4,9 @@ import torch
 from made_actions import NAMES, WordEncoder, made_actions
 
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text import load_text_encoder
+from geneoh.generators.text2hoi.training import LengthTask, LengthTrainConfig
 from geneoh.nn.weights import load_network
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS
