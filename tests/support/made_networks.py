@@ -10,8 +10,7 @@ from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.losses import LossWeights
 from geneoh.generators.text2hoi.pointnet import PointConfig
-from geneoh.generators.text2hoi.refiner import RefinerConfig
-from geneoh.generators.text2hoi.refiner_losses import RefinerWeights
+from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerWeights
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.training import ActionTask
 from geneoh.streamed import Streamed

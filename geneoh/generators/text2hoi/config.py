@@ -10,8 +10,7 @@ from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig
 from geneoh.generators.text2hoi.losses import LossWeights
 from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.refiner import RefinerConfig
-from geneoh.generators.text2hoi.refiner_losses import RefinerWeights
+from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerWeights
 from geneoh.training.run_config import RunConfig
 
 

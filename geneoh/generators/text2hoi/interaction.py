@@ -9,7 +9,7 @@ that attention can place hands by geometry; numbers of unit variance. `form="pap
 without its dropout, because all random numbers of a run come from its own generator.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
 import torch
@@ -19,18 +19,40 @@ from torch import Tensor, nn
 from geneoh.bundle import Bundle
 from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
-from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
+from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.pointnet import PointConfig
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
-from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
+from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame, defined_numbers
 from geneoh.nn.blocks import FrameTransformer, drawn, in_steps, sinusoid, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import LONGEST
 
 AGENT_ROWS = (1, 1666, 3333)
 """Rows of the paper's sinusoid table that tell the left hand, the right hand and the object."""
+
+
+@dataclass(frozen=True)
+class Condition(Bundle):
+    """What B clips are to be, of at most T frames."""
+
+    text: Float[Tensor, "B W"]  # features of the sentence
+    objects: Objects
+    contact: Float[Tensor, "B P"]  # probability that a point is touched
+    present: Bool[Tensor, "B 2"]  # whether the left, and whether the right hand takes part
+    valid: Bool[Tensor, "B T"]  # frames before the end
+    text_given: Bool[Tensor, " B"]  # where the sentence is told at all
+    object_given: Bool[Tensor, " B"]  # where object and contact map are told at all
+
+    @property
+    def shown(self) -> Bool[Tensor, "B T 208"]:
+        """Numbers that mean something: of hands that take part, in frames before the end."""
+        return defined_numbers(self.present, self.valid, self.objects.jointed)
+
+    def without_text(self) -> "Condition":
+        """The same with the sentence untold."""
+        return replace(self, text_given=torch.zeros_like(self.text_given))
 
 
 @dataclass(frozen=True)

@@ -1,24 +1,29 @@
-"""The network that refines generated hands in one pass, as a change of what they were.
+"""The network that refines generated hands in one pass, as a change of what they were; its losses.
 
 Source: Text2HOI, section 3.5 and supplement. Only hands change; the object stays. Ours: several
 frames to a token, hands on the object, and offsets to the nearest points of the object beside the
-paper's numbers, which hardly tell a centimetre from none.
+paper's numbers, which hardly tell a centimetre from none. The losses ask for hands near the true
+ones, not in the object, that touch where they nearly do, in squared distances as the paper does.
 """
 
 from dataclasses import dataclass
 from typing import Literal
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from geneoh.bundle import spread
+from geneoh.choices import SIDES
+from geneoh.config import Limited
 from geneoh.generators.smoothing import smoothed
+from geneoh.generators.text2hoi.losses import UNIT, masked_mean
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.tokens import HAND, HandFrame, Tokens, actions_of, tokens_of
+from geneoh.hand.library import load_hand
 from geneoh.nn.blocks import in_steps, sinusoid, zeroed
 from geneoh.nn.sizes import NetworkConfig
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions import NEAR, Actions
 
 AGENT_ROWS = (0, 1666)
 """Rows of the paper's sinusoid table that tell the left and the right hand."""
@@ -27,6 +32,8 @@ REACH = 0.05  # offsets to the object beyond it are cut, metres
 SMOOTHING = 2.0  # deviation of the Gaussian over the change of hands, in frames
 WRIST, TURN = 0.02, 0.1
 """Changes of the wrist (metres) and of entries of rotations that an answer of 1 is in our form."""
+CENTIMETRE = 0.01
+"""Depths and gaps are in this unit, metres, so that they are of order one."""
 
 
 @dataclass(frozen=True)
@@ -143,3 +150,74 @@ def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor,
         change = smoothed(change.flatten(2), SMOOTHING, actions.length).view_as(change)
         hands = tokens.hands + change.transpose(1, 2)
     return actions_of(tokens.with_hands(hands), actions)
+
+
+@dataclass(frozen=True)
+class RefinerWeights(Limited):
+    """Weights of the losses; those of the paper are 1, 1, 5, in squared metres, and 0."""
+
+    simple: float = 1.0
+    penetration: float = 1.0
+    contact: float = 5.0
+    keypoints: float = 1.0  # squared error of keypoints in units of a decimetre (ours)
+    frames: int = 4  # frames of a clip whose contact and penetration are looked at (paper: all)
+
+
+def refiner_loss(
+    found: Tokens,
+    coarse: Tokens,
+    clean: Tokens,
+    points: Float[Tensor, "B T P 3"],
+    normals: Float[Tensor, "B T P 3"],
+    weights: RefinerWeights,
+) -> Float[Tensor, ""]:
+    """All losses, weighted and added."""
+    shown = clean.shown[:, :2]
+    total = weights.simple * masked_mean((found.hands - clean.hands).square(), shown[..., None])
+    joints = found.joints()
+    if weights.keypoints:
+        apart = (joints - clean.joints()).square().sum(-1) / UNIT**2
+        total = total + weights.keypoints * masked_mean(apart, shown[..., None])
+    every = spread(points.shape[1], weights.frames).unique()
+    some, points, normals = found.take(every, "T"), points[:, every], normals[:, every]
+    before = coarse.take(every, "T").joints()
+    touch = contact_loss(joints[:, :, every], before, points, shown[:, :, every])
+    inside = penetration_loss(some, points, normals)
+    return total + weights.contact * touch + weights.penetration * inside
+
+
+def contact_loss(
+    joints: Float[Tensor, "B 2 T 21 3"],
+    coarse: Float[Tensor, "B 2 T 21 3"],
+    points: Float[Tensor, "B T P 3"],
+    shown: Bool[Tensor, "B 2 T"],
+) -> Float[Tensor, ""]:
+    """Squared distance of keypoints to the point that is nearest to where they were, in cm2.
+
+    Keypoints count that were within `NEAR` of the object.
+    """
+    goal = nearest(coarse, points)
+    touches = ((goal - coarse).norm(dim=-1) < NEAR) & shown[..., None]
+    return masked_mean((joints - goal).square().sum(-1) / CENTIMETRE**2, touches)
+
+
+def penetration_loss(
+    tokens: Tokens, points: Float[Tensor, "B T P 3"], normals: Float[Tensor, "B T P 3"]
+) -> Float[Tensor, ""]:
+    """Squared depth of the hands' vertices below the plane of the nearest point, in cm2.
+
+    A mean over the vertices that are inside. Deeper than `NEAR` a vertex is on another side.
+    """
+    total, count = points.new_zeros(()), points.new_zeros(())
+    for number, side in enumerate(SIDES):
+        hand = load_hand(side).to(points.device).shaped(points.new_zeros(10))
+        verts = hand.verts_from_rotations(
+            tokens.rotations[:, number], tokens.hands[:, number, :, :3]
+        )
+        index = torch.cdist(verts.verts, points).argmin(-1)[..., None].expand(-1, -1, -1, 3)
+        apart = verts.verts - points.gather(2, index)
+        depth = -(apart * normals.gather(2, index)).sum(-1)
+        inside = (depth > 0) & (apart.norm(dim=-1) < NEAR) & tokens.shown[:, number, :, None]
+        total = total + torch.where(inside, depth, 0.0).square().sum() / CENTIMETRE**2
+        count = count + inside.sum()
+    return total / count.clamp(min=1)

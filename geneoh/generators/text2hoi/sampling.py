@@ -11,8 +11,7 @@ from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
 from geneoh.generators.from_noise import Sampler, from_noise
 from geneoh.generators.smoothing import smoothed
 from geneoh.generators.text2hoi.choosing import best_draws
-from geneoh.generators.text2hoi.condition import Condition
-from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.interaction import Condition, InteractionNetwork
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import passed_by

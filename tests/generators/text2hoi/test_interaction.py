@@ -5,8 +5,8 @@ import torch
 from made_actions import made_actions
 from made_networks import TINY, answering, in_paper_form
 
-from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import (
+    Condition,
     InteractionConfig,
     InteractionNetwork,
     moments,

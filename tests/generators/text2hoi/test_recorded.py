@@ -13,8 +13,8 @@ from trees.mocap import arctic, grab
 from trees.videos import h2o
 
 from geneoh.errors import ConfigError, InputError
+from geneoh.generators.text2hoi.action_data import recorded_actions
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface
-from geneoh.generators.text2hoi.recorded_data import recorded_actions
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.meshes import read_mesh
 from geneoh.readers.sources.arctic import read_parts

@@ -9,14 +9,12 @@ from geneoh.generators.text2hoi.refiner import (
     REACH,
     RefinerConfig,
     RefinerNetwork,
-    nearest,
-    points_of,
-    refined_by,
-)
-from geneoh.generators.text2hoi.refiner_losses import (
     RefinerWeights,
     contact_loss,
+    nearest,
     penetration_loss,
+    points_of,
+    refined_by,
     refiner_loss,
 )
 from geneoh.generators.text2hoi.tokens import Tokens, tokens_of
