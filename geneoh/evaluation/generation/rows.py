@@ -10,7 +10,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import SIDES, Side
 from geneoh.errors import GeneOHError
-from geneoh.generators.text2hoi.interaction_file import sequence_of
+from geneoh.generators.text2hoi.generate import sequence_of
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import asked_giver

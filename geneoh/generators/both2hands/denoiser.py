@@ -16,9 +16,8 @@ from torch import Tensor, nn
 from geneoh.bundle import Bundle
 from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
-from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame
+from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame, Scale, Scaling
 from geneoh.generators.both2hands.paper_layers import PaperTransformer
-from geneoh.generators.both2hands.scale import Scale, Scaling
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
 from geneoh.nn.blocks import FrameTransformer, in_steps
 from geneoh.nn.sizes import NetworkConfig

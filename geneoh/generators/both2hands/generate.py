@@ -5,17 +5,11 @@ import torch
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.choices import STEPS
-from geneoh.generators.both2hands.contradiction import refuse_contradiction
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import Networks, load_networks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
-from geneoh.generators.both2hands.words import known_words
-from geneoh.generators.pieces import words_of
-from geneoh.generators.sentences import check_english
 from geneoh.progress import OnStep
-
-EXAMPLE = '"the right hand waves, the left rests"'
 
 
 def generate_hands(
@@ -53,14 +47,3 @@ def generate_hands(
     )
     made = BodyMotion(made.root[0], made.rotations[0])
     return with_other_fingers(made, within_limits(made.rotations[:, BODY_JOINTS:]))
-
-
-def check_sentence(sentence: str) -> None:
-    """Refuse a text that is no English sentence on hands, or contradicts itself.
-
-    Raises:
-        InputError: it has no words or too many, is not English or contradicts itself.
-    """
-    words = words_of(sentence)
-    check_english(sentence, words, known_words(), on="what hands do", example=EXAMPLE)
-    refuse_contradiction(sentence)

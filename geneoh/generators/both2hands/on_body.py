@@ -14,10 +14,10 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.errors import InputError
-from geneoh.generators.both2hands.contradiction import ruled_out_words
 from geneoh.generators.both2hands.features import with_other_fingers
-from geneoh.generators.both2hands.generate import check_sentence, generate_hands
+from geneoh.generators.both2hands.generate import generate_hands
 from geneoh.generators.both2hands.library import load_networks
+from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words
 from geneoh.geometry.axes import turn_up
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.modes import undisturbed

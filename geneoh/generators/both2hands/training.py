@@ -15,9 +15,8 @@ from geneoh.choices import BodyStage
 from geneoh.generators.both2hands.blend import Blender
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsDenoiser, TextHands
-from geneoh.generators.both2hands.features import HandsFrame, hand_features, placed
+from geneoh.generators.both2hands.features import HandsFrame, Scale, hand_features, placed
 from geneoh.generators.both2hands.library import Branches, Speech
-from geneoh.generators.both2hands.scale import Scale
 from geneoh.generators.both2hands.scene import Scene, both_answers
 from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.seeds import seeded_generator

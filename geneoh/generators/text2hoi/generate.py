@@ -10,10 +10,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.bundle import equal_values, repr_by_shapes
-from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner
+from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
-from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import passed_by
@@ -32,8 +31,8 @@ from geneoh.pipeline.retiming import result_at_times
 from geneoh.progress import OnProgress
 from geneoh.readers.npz_files import save_sequence
 from geneoh.seeds import seeded_generator
-from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.actions import Actions
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.synthesis.actions import FPS, Actions
 
 
 @dataclass(frozen=True)
@@ -182,6 +181,31 @@ def placed(actions: Actions, stood: StandingObject, sentence: str) -> Sequence:
     rotation, translation = (each[: sequence.frames, None] for each in stood.poses(actions))
     motion = replace(sequence.object, rotation=rotation, translation=translation)
     return replace(sequence, object=motion)
+
+
+def sequence_of(actions: Actions, meshes: tuple[Mesh, ...], source: str = "") -> Sequence:
+    """The first action as a sequence of its hands of the mean shape and its object.
+
+    `meshes` are one for each part of the object, in the frame of `Actions`; with one mesh the
+    joint is left out.
+    """
+    frames = slice(int(actions.length[0]))
+    hands = tuple(
+        HandTrack(
+            side=side,
+            valid=actions.valid[0, frames],
+            pose=actions.pose[0, number, frames],
+            wrist=actions.wrist[0, number, frames],
+            betas=torch.zeros(10),
+            hand_model="embedded",
+        )
+        for number, side in enumerate(SIDES)
+        if bool(actions.hands[0, number])
+    )
+    rotation, translation = actions.part_poses()
+    parts = slice(len(meshes))
+    track = ObjectTrack(meshes, rotation[0, frames, parts], translation[0, frames, parts])
+    return Sequence(hands, track, FPS, source)
 
 
 def save_generated(made: Generated, path: Path | str) -> None:

@@ -19,9 +19,8 @@ from torch import Tensor, nn
 from geneoh.bundle import Bundle
 from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
-from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
 from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.pointnet import PointConfig
+from geneoh.generators.text2hoi.pointnet import ObjectTokens, PointConfig, WholeObject
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame, defined_numbers

@@ -13,13 +13,16 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.generators.text2hoi.held_hands import (
+    FIRM,
+    TOUCH,
     HeldHands,
+    Holding,
     lifted,
     mean_offsets,
     moving,
+    new_hold,
     table_of,
 )
-from geneoh.generators.text2hoi.new_holds import FIRM, TOUCH, Holding, new_hold
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh

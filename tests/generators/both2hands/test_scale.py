@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from geneoh.generators.both2hands.scale import LEAST, Scale
+from geneoh.generators.both2hands.features import LEAST, Scale
 
 
 def features():

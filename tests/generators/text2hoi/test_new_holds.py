@@ -8,8 +8,7 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, lifted
-from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
+from geneoh.generators.text2hoi.held_hands import FIRM, HeldHands, Holding, lifted, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.mesh import from_trimesh

@@ -3,8 +3,7 @@
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.generators.both2hands.generate import check_sentence
-from geneoh.generators.both2hands.words import known_words, said_of_gestures
+from geneoh.generators.both2hands.sentences import check_sentence, known_words, said_of_gestures
 from geneoh.generators.pieces import words_of
 
 
