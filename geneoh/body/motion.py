@@ -42,9 +42,7 @@ def pose(skeleton: Skeleton, motion: BodyMotion) -> PosedBody:
     )
 
 
-def local_rotations(
-    rotations: Float[Tensor, "*B T 52 3 3"],
-) -> Float[Tensor, "*B T 52 3 3"]:
+def local_rotations(rotations: Float[Tensor, "*B T 52 3 3"]) -> Float[Tensor, "*B T 52 3 3"]:
     """A body's rotations in the parents' frames from those in the world; inverse of `pose`."""
     return kinematics.local_rotations(rotations, PARENTS)
 

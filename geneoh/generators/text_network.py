@@ -59,13 +59,7 @@ class SentenceNetwork(nn.Module):
         self.widen = nn.Linear(config.piece_width, width)
         self.places = nn.Parameter(drawn(0.02, config.longest, width))
         layer = nn.TransformerEncoderLayer(
-            width,
-            config.heads,
-            2 * width,
-            0.0,
-            "gelu",
-            batch_first=True,
-            norm_first=True,
+            width, config.heads, 2 * width, 0.0, "gelu", batch_first=True, norm_first=True
         )
         self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
         self.weight = nn.Linear(width, 1)

@@ -11,8 +11,8 @@ from made_gestures import made_gestures, write_gesture_shards
 
 from geneoh.body.motion import BodyMotion
 from geneoh.choices import BODY_STAGES
-from geneoh.generators.both2hands.generate import generate_hands
 from geneoh.generators.both2hands.library import load_networks
+from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.nn.checkpoint import load_checkpoint
 
 FEW = ("steps=1", "batch=3", "validation_batches=1", "text_hands.words.pieces=60")

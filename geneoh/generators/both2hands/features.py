@@ -73,10 +73,7 @@ def hand_features(posed: PosedBody, frame: HandsFrame) -> Float[Tensor, "*B T 27
 
 
 def with_fingers(
-    motion: BodyMotion,
-    posed: PosedBody,
-    features: Float[Tensor, "*B T 270"],
-    frame: HandsFrame,
+    motion: BodyMotion, posed: PosedBody, features: Float[Tensor, "*B T 270"], frame: HandsFrame
 ) -> BodyMotion:
     """The motion with the fingers' rotations out of features; their positions follow from these.
 

@@ -12,12 +12,7 @@ from torch import Tensor
 from geneoh.choices import BODY_STAGES
 from geneoh.errors import ConfigError
 from geneoh.generators.both2hands.blend import BlendConfig, Blender
-from geneoh.generators.both2hands.denoiser import (
-    BodyHands,
-    HandsConfig,
-    TextHands,
-    TextHandsConfig,
-)
+from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig, TextHands, TextHandsConfig
 from geneoh.generators.pieces import sentence_numbers, vocabulary_of
 from geneoh.generators.text import foreign_encoder
 from geneoh.nn.checkpoint import load_checkpoint
@@ -51,12 +46,7 @@ class Networks(Branches):
     blend: Blender
 
 
-def load_networks(
-    folder: Path | None = None,
-    *,
-    text_encoder: Path | None = None,
-    device: torch.device | str = "cpu",
-) -> Networks:
+def load_networks(folder: Path | None = None, *, text_encoder: Path | None = None) -> Networks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of the CLIP or sentence-transformers model that networks were
@@ -74,9 +64,13 @@ def load_networks(
     blend = network_of(saved, path, Blender, BlendConfig)
     if blend.config.form == "ours":
         refuse_other_scales(branches, folder)
-    refuse_other_branches(path, saved.record.get("branches"), branches)
-    body, text = branches.body.to(device), branches.text.to(device)
-    return Networks(body, text, branches.speech, blend.to(device))
+    if saved.record.get("branches") not in (None, branches.fingerprint):
+        raise ConfigError(
+            f"{path}: expected the networks body_hands and text_hands that it was trained with, "
+            "got others; train it again with `geneoh train --stage blend` in the folder that holds "
+            "those"
+        )
+    return Networks(branches.body, branches.text, branches.speech, blend)
 
 
 def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:
@@ -108,19 +102,6 @@ def refuse_other_scales(branches: Branches, folder: Path | None) -> None:
             f"{folder or SHIPPED}: expected body_hands and text_hands that were trained on the "
             "same data and noise in the frame 'wrist', which one process needs, got others; train "
             "both again, or the blend with blend.form=paper"
-        )
-
-
-def refuse_other_branches(path: Path, known: str | None, branches: Branches) -> None:
-    """Refuse a blend that was trained with other networks than those that it is to blend.
-
-    `known` is the fingerprint of those that it was trained with; None where the file has none.
-    """
-    if known is not None and known != branches.fingerprint:
-        raise ConfigError(
-            f"{path}: expected the networks body_hands and text_hands that it was trained with, "
-            "got others; train it again with `geneoh train --stage blend` in the folder that holds "
-            "those"
         )
 
 

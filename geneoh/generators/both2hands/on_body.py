@@ -15,8 +15,8 @@ from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.errors import InputError
 from geneoh.generators.both2hands.features import with_other_fingers
-from geneoh.generators.both2hands.generate import generate_hands
 from geneoh.generators.both2hands.library import load_networks
+from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words
 from geneoh.geometry.axes import turn_up
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -52,11 +52,7 @@ class BodyOptions:
     """Seed of all random numbers; another one makes other hands."""
 
     def __post_init__(self) -> None:
-        """Take paths given as text, and refuse values that no setting has.
-
-        Raises:
-            ConfigError: a value is of another type than its field's, or outside of its limits.
-        """
+        """Take paths given as text, and refuse values that no setting has."""
         check_fields(self, GENERATION)
 
 

@@ -1,4 +1,7 @@
-"""From bodies and sentences to hands: the reverse process of both networks, blended."""
+"""From moving bodies and sentences to hands: BOTH2Hands as a whole (paper, figure 3).
+
+The reverse process of both networks, blended, over windows of the clips.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,6 +17,7 @@ from geneoh.choices import STEPS
 from geneoh.generators.both2hands.denoiser import Encoded, HandsDenoiser
 from geneoh.generators.both2hands.features import HANDS, placed, with_fingers, with_other_fingers
 from geneoh.generators.both2hands.library import Networks
+from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, Windows
 from geneoh.generators.from_noise import Sampler, from_noise
@@ -151,3 +155,39 @@ def _at_least_a_window(clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "B F *N"
     """Clips whose last frame is held until they are as long as a window."""
     missing = max(0, FRAMES - clips.shape[1])
     return torch.cat([clips, clips[:, -1:].expand(-1, missing, *clips.shape[2:])], dim=1)
+
+
+def generate_hands(
+    motion: BodyMotion,
+    skeleton: Skeleton,
+    sentence: str,
+    *,
+    steps: int = STEPS,
+    generator: torch.Generator,
+    networks: Networks,
+    on_step: OnStep | None = None,
+) -> BodyMotion:
+    """A body with fingers that fit its motion and a sentence, inside the limits of a hand.
+
+    Args:
+        motion: T frames of one body at 30 frames a second, any T; its fingers do not matter.
+        skeleton: of the body.
+        sentence: such as "the right hand waves, the left rests"; see `check_sentence`.
+        steps: denoising steps (paper: 1,000).
+        generator: of the noise; another one makes other hands.
+        on_step: told of the steps.
+
+    Raises:
+        CheckpointError: weights are missing or damaged.
+    """
+    made = sample(
+        networks,
+        BodyMotion(motion.root[None], motion.rotations[None]),
+        skeleton,
+        [sentence],
+        SamplingConfig(steps=steps),
+        generator=generator,
+        on_step=on_step,
+    )
+    made = BodyMotion(made.root[0], made.rotations[0])
+    return with_other_fingers(made, within_limits(made.rotations[:, BODY_JOINTS:]))

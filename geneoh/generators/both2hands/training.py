@@ -172,11 +172,7 @@ def denoised(
 
 
 def blended(
-    blender: Blender,
-    branches: Branches,
-    samples: Samples,
-    config: Both2HandsConfig,
-    draws: Draws,
+    blender: Blender, branches: Branches, samples: Samples, config: Both2HandsConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """Blended answers to a clip and its own sentence at random levels of noise, and their target.
 

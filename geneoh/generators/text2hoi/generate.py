@@ -63,11 +63,7 @@ class GenerateOptions:
     """Seed of all random numbers; another one makes another interaction."""
 
     def __post_init__(self) -> None:
-        """Take paths given as text, and refuse values that no setting has.
-
-        Raises:
-            ConfigError: a value is of another type than its field's, or outside of its limits.
-        """
+        """Take paths given as text, and refuse values that no setting has."""
         check_fields(self, GENERATION)
 
 

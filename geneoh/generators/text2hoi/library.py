@@ -40,12 +40,7 @@ class Networks:
     length: LengthNetwork
 
 
-def load_networks(
-    folder: Path | None = None,
-    *,
-    text_encoder: Path | None = None,
-    device: torch.device | str = "cpu",
-) -> Networks:
+def load_networks(folder: Path | None = None, *, text_encoder: Path | None = None) -> Networks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of another text encoder, with which the networks were trained.
@@ -56,10 +51,12 @@ def load_networks(
     """
     refuse_none_of(GENERATOR_STAGES, folder)
     text = encoder_of(folder, text_encoder)
-    contact = told_network("contact", folder, text, ContactNetwork, ContactConfig)
-    interaction = told_network("interaction", folder, text, InteractionNetwork, InteractionConfig)
-    length = told_network("length", folder, text, LengthNetwork, LengthConfig)
-    return Networks(text, contact.to(device), interaction.to(device), length)
+    return Networks(
+        text,
+        told_network("contact", folder, text, ContactNetwork, ContactConfig),
+        told_network("interaction", folder, text, InteractionNetwork, InteractionConfig),
+        told_network("length", folder, text, LengthNetwork, LengthConfig),
+    )
 
 
 def told_network(

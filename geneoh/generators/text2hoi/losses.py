@@ -39,9 +39,7 @@ class LossWeights(Limited):
 
 
 def masked_mean(
-    values: Float[Tensor, "*S"],
-    mask: Bool[Tensor, "*#S"],
-    share: Float[Tensor, " B"] | None = None,
+    values: Float[Tensor, "*S"], mask: Bool[Tensor, "*#S"], share: Float[Tensor, " B"] | None = None
 ) -> Float[Tensor, ""]:
     """Mean where the mask is true, over what it broadcasts to; zero where it is true nowhere.
 
@@ -54,9 +52,7 @@ def masked_mean(
 
 
 def simple_loss(
-    found: Float[Tensor, "B T 208"],
-    clean: Float[Tensor, "B T 208"],
-    told: Bool[Tensor, "B T 208"],
+    found: Float[Tensor, "B T 208"], clean: Float[Tensor, "B T 208"], told: Bool[Tensor, "B T 208"]
 ) -> Float[Tensor, ""]:
     """Squared error of normalised numbers, a mean for each agent; the three means are added."""
     square = (found - clean).square()

@@ -1,6 +1,6 @@
 """Objects as the networks of Text2HOI see them: points of the surface and how their parts move."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -29,8 +29,7 @@ class Objects(Bundle):
     @classmethod
     def of(cls, actions: Actions) -> "Objects":
         """The objects of actions."""
-        names = ("points", "normals", "part", "axis", "pivot", "slides")
-        return cls(**{name: getattr(actions, name) for name in names})
+        return cls(**{field.name: getattr(actions, field.name) for field in fields(cls)})
 
     @property
     def jointed(self) -> Bool[Tensor, " B"]:

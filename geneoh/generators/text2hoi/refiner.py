@@ -66,10 +66,7 @@ class RefinerNetwork(nn.Module):
         self.output = zeroed(nn.Linear(config.width, config.frames_per_token * HAND))
 
     def forward(
-        self,
-        tokens: Tokens,
-        points: Float[Tensor, "B T P 3"],
-        contact: Float[Tensor, "B P"],
+        self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
     ) -> Tokens:
         """The same clips with refined hands.
 

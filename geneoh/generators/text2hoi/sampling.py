@@ -185,10 +185,5 @@ def still(objects: Objects, frames: int) -> Actions:
         rotation=torch.eye(3).to(points).expand(count, frames, 3, 3),
         translation=points.new_zeros(count, frames, 3),
         joint=points.new_zeros(count, frames),
-        points=points,
-        normals=objects.normals,
-        part=objects.part,
-        axis=objects.axis,
-        pivot=objects.pivot,
-        slides=objects.slides,
+        **vars(objects),
     )

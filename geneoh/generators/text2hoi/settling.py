@@ -68,12 +68,7 @@ def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
     return scanned_object(build_scans(found)), middle
 
 
-def settled(
-    actions: Actions,
-    stood: StandingObject,
-    *,
-    generator: torch.Generator,
-) -> Actions:
+def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generator) -> Actions:
     """The first action with hands that touch its object and sink into neither it nor the table.
 
     The hand that carries the object longer keeps its place, and the other one makes way for it.

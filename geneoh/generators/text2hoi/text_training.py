@@ -142,11 +142,7 @@ class TextTask(SamplesTask):
 
 @torch.no_grad()
 def accuracy(
-    network: TextNetwork,
-    tokenizer: Tokenizer,
-    kind: str,
-    *,
-    generator: torch.Generator,
+    network: TextNetwork, tokenizer: Tokenizer, kind: str, *, generator: torch.Generator
 ) -> tuple[float, float]:
     """Shares of right verbs and right hands on random sentences of a kind about made actions."""
     chosen: list[tuple[str, str, HandsName]] = [

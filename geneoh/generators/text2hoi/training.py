@@ -229,19 +229,13 @@ def refiner_task_loss(
 
 
 def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict[str, Any]:
-    """What weights tell of the actions that they were learned from, and of the text encoder.
-
-    Of the encoder it is the vector of `ASKED`: a fingerprint in half precision, by which runs are
-    continued; and its numbers, because machines round a vector apart.
-    """
-    vector = encoder.encode([ASKED])
+    """What weights tell of the actions that they were learned from, and of the text encoder."""
     return {
         "sequences": len(data.training.actions),
         "data": data_digest(data.training),
         "validation": data_digest(data.validation),
         "words": words_digest(data.training, data.validation),
-        "text": digest([vector.half()]),
-        "text_vector": vector[0].tolist(),
+        **text_record(encoder),
     }
 
 
@@ -258,3 +252,13 @@ def words_digest(*several: ActionData) -> str:
         yield from (*data.names, *data.verb_words)
 
     return digest(part for data in several for part in parts(data))
+
+
+def text_record(encoder: TextEncoder) -> dict[str, Any]:
+    """What weights tell of the text encoder that they were trained with, by the vector of `ASKED`.
+
+    A fingerprint of it in half precision, by which runs are continued; and its numbers, because
+    machines round a vector apart.
+    """
+    vector = encoder.encode([ASKED])
+    return {"text": digest([vector.half()]), "text_vector": vector[0].tolist()}

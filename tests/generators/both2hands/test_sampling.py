@@ -7,8 +7,7 @@ from made_bodies import SKELETON, made_motion, tiny_networks
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.errors import CheckpointError
-from geneoh.generators.both2hands.generate import generate_hands
-from geneoh.generators.both2hands.sampling import SamplingConfig, sample
+from geneoh.generators.both2hands.sampling import SamplingConfig, generate_hands, sample
 from geneoh.generators.both2hands.windows import FRAMES
 
 SENTENCES = ["the right hand waves", "both hands clap"]

@@ -9,11 +9,10 @@ import torch
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, embedded_skeleton
-from geneoh.generators.both2hands.generate import generate_hands
 from geneoh.generators.both2hands.library import SHIPPED, load_networks
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body, save_on_body
-from geneoh.generators.both2hands.sampling import SamplingConfig, sample
+from geneoh.generators.both2hands.sampling import SamplingConfig, generate_hands, sample
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.readers.bodies.base import BodyRecording, resting
@@ -85,7 +84,9 @@ def test_no_joint_that_is_given_to_users_is_beyond_the_limits_of_a_hand():
     body = BodyMotion(clips.motion.root[0], clips.motion.rotations[0])
     generator = torch.Generator().manual_seed(0)
     skeleton = clips.skeleton.take(slice(1), "B")
-    made = generate_hands(body, skeleton, FIST, steps=2, generator=generator)
+    made = generate_hands(
+        body, skeleton, FIST, steps=2, generator=generator, networks=load_networks()
+    )
     assert beyond(made.rotations[:, BODY_JOINTS:]).max() <= ALLOWED
 
 
