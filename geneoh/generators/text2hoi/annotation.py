@@ -40,25 +40,14 @@ H2O_LABELS = [(verb, noun) for verb, nouns in _H2O_VERBS.items() for noun in nou
 
 _GRAB_VERBS = {"offhand": "hand over", "switchON": "switch on", "takepicture": "photograph"}
 """Intents of GRAB that are no plain verbs; "take picture" has no passive with an object."""
-_GRAB_NOUNS = {
-    "alarmclock": "alarm clock",
-    "coffeemug": "coffee mug",
-    "cubemiddle": "cube",
-    "fryingpan": "frying pan",
-    "gamecontroller": "game controller",
-    "lightbulb": "light bulb",
-    "piggybank": "piggy bank",
-    "rubberduck": "rubber duck",
-    "stanfordbunny": "bunny",
-    "waterbottle": "water bottle",
-    "wineglass": "wine glass",
-    "wristwatch": "wrist watch",
-}
-_ARCTIC_NOUNS = {
-    "capsulemachine": "capsule machine",
-    "espressomachine": "espresso machine",
-    "waffleiron": "waffle iron",
-}
+_COMPOUNDS = (
+    *("alarm clock", "coffee mug", "frying pan", "game controller", "light bulb", "piggy bank"),
+    *("rubber duck", "water bottle", "wine glass", "wrist watch"),  # of GRAB
+    *("capsule machine", "espresso machine", "waffle iron"),  # of ARCTIC
+)
+_NOUNS = {noun.replace(" ", ""): noun for noun in _COMPOUNDS}
+_NOUNS |= {"cubemiddle": "cube", "stanfordbunny": "bunny"}
+"""Nouns of objects whose names in the data sets are none."""
 _LEFT_OUT = {("write", "notebook"), ("operate", "waffleiron"), ("push", "capsulemachine")}
 """What the paper leaves out of ARCTIC: too few clips."""
 _TYPOS = {"grabing": "grab", "openning": "open", "labtop": "laptop", "graps": "grasp"}
@@ -78,11 +67,7 @@ class Label:
 
 
 def labels_of(source: AnnotatedSource, clip: SourceClip) -> list[Label]:
-    """The labelled stretches of a clip.
-
-    Raises:
-        InputError: a file of labels is missing or damaged.
-    """
+    """The labelled stretches of a clip; `InputError` where labels are missing or damaged."""
     return _READERS[source](clip)
 
 
@@ -139,7 +124,7 @@ def grab_labels(clip: SourceClip) -> list[Label]:
 def grab_noun(name: str) -> str:
     """The words for an object of GRAB: without its size, in several words where it is compound."""
     plain = re.sub(r"(large|medium|small)$", "", name)
-    return _GRAB_NOUNS.get(plain, plain)
+    return _NOUNS.get(plain, plain)
 
 
 def arctic_labels(clip: SourceClip) -> list[Label]:
@@ -161,7 +146,7 @@ def arctic_labels(clip: SourceClip) -> list[Label]:
         hands = HANDS[("left", "right", "both").index(match[4])]
         if (verb, name) in _LEFT_OUT or stop - start + 1 < SHORTEST:
             continue
-        noun = _ARCTIC_NOUNS.get(name, name)
+        noun = _NOUNS.get(name, name)
         stretch = slice(start - 1, stop)
         found.append(Label(verb, noun, name, stretch, hands, clip.path.parent.name))
     return found
