@@ -3,7 +3,7 @@
 The reverse process of both networks, blended, over windows of the clips.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,15 +20,13 @@ from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, Windows
-from geneoh.generators.from_noise import Sampler, from_noise
+from geneoh.generators.from_noise import Answer, Sampler, from_noise
 from geneoh.generators.smoothing import smoothed
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 
 Branch = Literal["blended", "body", "text"]
 """Whose hands are wanted: of both networks, or of one alone, to compare with."""
-Answer = Callable[[Tensor, Tensor], Tensor]
-"""From noisy windows and the number of their noise level to clean ones."""
 
 
 @dataclass(frozen=True)
@@ -167,19 +165,7 @@ def generate_hands(
     networks: Networks,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """A body with fingers that fit its motion and a sentence, inside the limits of a hand.
-
-    Args:
-        motion: T frames of one body at 30 frames a second, any T; its fingers do not matter.
-        skeleton: of the body.
-        sentence: such as "the right hand waves, the left rests"; see `check_sentence`.
-        steps: denoising steps (paper: 1,000).
-        generator: of the noise; another one makes other hands.
-        on_step: told of the steps.
-
-    Raises:
-        CheckpointError: weights are missing or damaged.
-    """
+    """One body with fingers inside the limits of a hand; see `sample` and `check_sentence`."""
     made = sample(
         networks,
         BodyMotion(motion.root[None], motion.rotations[None]),

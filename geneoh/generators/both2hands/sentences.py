@@ -31,11 +31,7 @@ _IN_TURN = {"then", "first", "before", "after", "until", "later", "again", "stop
 
 
 def check_sentence(sentence: str) -> None:
-    """Refuse a text that is no English sentence on hands, or contradicts itself.
-
-    Raises:
-        InputError: it has no words or too many, is not English or contradicts itself.
-    """
+    """`InputError` for a text that is no English sentence on hands, or contradicts itself."""
     words = words_of(sentence)
     check_english(sentence, words, known_words(), on="what hands do", example=EXAMPLE)
     refuse_contradiction(sentence)

@@ -114,7 +114,7 @@ def generate(
     prompt = read_prompt(sentence, frames=options.frames)
     networks = load_networks(options.weights, text_encoder=options.text_encoder)
     mesh = mesh_of(mesh, "m")
-    stood = stand(mesh, options.up, generator=_generator(options, "points"))
+    stood = stand(mesh, options.up, generator=seeded_generator(options.seed, "points"))
     objects = objects_of(stood)
     frames = options.frames or prompt.frames or length_of(networks, prompt, options)
     actions, contact = sample(
@@ -124,7 +124,7 @@ def generate(
         [prompt.hands],
         torch.tensor([frames]),
         SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
-        generator=_generator(options, "motion"),
+        generator=seeded_generator(options.seed, "motion"),
         giver=[prompt.giver],
         on_step=on_progress and partial(on_progress, "motion"),
     )
@@ -134,7 +134,7 @@ def generate(
         notes = (_fault_note(options.draws, fault),)
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
-    settle = partial(settled, stood=stood, generator=_generator(options, "hold"))
+    settle = partial(settled, stood=stood, generator=seeded_generator(options.seed, "hold"))
     actions = finished(actions, settle if options.refine == "geneoh" else None)
     if not passed_by(actions, [prompt.giver]).all():
         fault = f"the {prompt.giver} hand does not pass the object on"
@@ -155,7 +155,7 @@ def generate(
 def length_of(networks: Networks, prompt: Prompt, options: GenerateOptions) -> int:
     """A random number of frames that suits the sentence."""
     text = networks.text.encode([prompt.told])
-    return int(networks.length.sample(text, generator=_generator(options, "length")))
+    return int(networks.length.sample(text, generator=seeded_generator(options.seed, "length")))
 
 
 def objects_of(stood: StandingObject) -> Objects:
@@ -224,8 +224,3 @@ def _fault_note(draws: int, fault: str) -> str:
     """The note on what is wrong even in the best draw."""
     drawn = f"the best of {draws} drawn motions" if draws > 1 else "the drawn motion"
     return f"in {drawn} {fault}; another seed or more draws may make a better one"
-
-
-def _generator(options: GenerateOptions, use: str) -> torch.Generator:
-    """Random numbers for one use, so that a change of one part leaves the others as they are."""
-    return seeded_generator(options.seed, use)

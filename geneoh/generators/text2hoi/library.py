@@ -66,12 +66,7 @@ def told_network(
     network: Callable[[Any], Told],
     config: Callable[..., Any],
 ) -> Told:
-    """A network of a folder, else the shipped one, that sentences are told by a text encoder.
-
-    Raises:
-        CheckpointError: the file is missing or does not fit.
-        ConfigError: the network was trained with another text encoder.
-    """
+    """A network of a folder, else the shipped one; errors are those of `load_networks`."""
     path = weights_of(name, folder)
     saved = load_checkpoint(path)
     found = network_of(saved, path, network, config)
@@ -82,12 +77,7 @@ def told_network(
 def refuse_other_encoder(
     path: Path, record: Mapping[str, Any], width: int, text: TextEncoder
 ) -> None:
-    """Refuse weights for vectors of a width that were trained with another text encoder.
-
-    Raises:
-        CheckpointError: the file is damaged.
-        ConfigError: the encoder is another one, as far as the weights tell of theirs.
-    """
+    """Refuse weights for vectors of a width that tell of another text encoder."""
     if width != text.width:
         raise ConfigError(
             f"{path}: expected a text encoder of {width} features, got one of {text.width}; name "
@@ -123,11 +113,7 @@ def vector_of_training(
 
 
 def load_refiner(folder: Path | None) -> RefinerNetwork:
-    """The refiner of a folder, else the shipped one.
-
-    Raises:
-        CheckpointError: the file is missing or does not fit.
-    """
+    """The refiner of a folder, else the shipped one; `CheckpointError` where it does not fit."""
     return load_network(weights_of("refiner", folder), RefinerNetwork, RefinerConfig)
 
 

@@ -14,10 +14,7 @@ class PostNormTransformer(nn.Module):
     """
 
     def __init__(self, width: int, depth: int, heads: int, *, levels: bool = True) -> None:
-        """Build `depth` layers of `width` features, with feed-forward layers twice as wide.
-
-        Without `levels` no noise level is told.
-        """
+        """Build `depth` layers of `width` features; without `levels` no noise level is told."""
         check_heads(width, heads, unit=1)
         super().__init__()
         steps = (nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))

@@ -99,11 +99,7 @@ def read_prompt(text: str, *, frames: int | None = None) -> Prompt:
 def without_ruled_out_verbs(
     sentence: str, words: Sequence[str]
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Words without the verbs that they rule out, and a note on each.
-
-    Raises:
-        InputError: they name no other verb.
-    """
+    """Words without the verbs that they rule out, and a note on each; another one must be left."""
     kept, left_out = list(words), []
     for index in reversed(range(len(words))):
         start = index + rules_out(kept, index)
@@ -127,11 +123,7 @@ def starts_with_verb(words: Sequence[str]) -> bool:
 
 
 def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side]) -> list[str]:
-    """Words with the hand that is left where they rule out the other one and name none.
-
-    Raises:
-        InputError: they rule out both hands, or one that they name.
-    """
+    """Words with the hand that is left where they rule out the other one and name none."""
     said, found = " ".join(words), ""
     if len(ruled_out) == len(SIDES):
         found = "neither of the two"

@@ -56,11 +56,7 @@ SETTLING = GraspConfig(
 
 
 def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
-    """The standing object as a grid of signed distance, and the middle that it is around.
-
-    Raises:
-        InputError: the mesh encloses nothing.
-    """
+    """The standing object as a grid of signed distance, and the middle that it is around."""
     verts = stood.mesh.verts @ stood.rotation.T + stood.shift
     middle = (verts.amin(0) + verts.amax(0)) / 2
     name = "the mesh" if stood.mesh.source is None else str(stood.mesh.source)

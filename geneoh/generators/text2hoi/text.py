@@ -23,11 +23,7 @@ class TextModel:
     """Our own encoder with its vocabulary and the classes of its heads."""
 
     def __init__(self, path: Path = SHIPPED) -> None:
-        """Read a file of weights; by default the shipped one.
-
-        Raises:
-            CheckpointError: the file is missing or holds something else.
-        """
+        """Read a file of weights; `CheckpointError` where it is missing or holds another thing."""
         saved = load_checkpoint(path)
         self.network = network_of(saved, path, TextNetwork, TextConfig)
         self.tokenizer = vocabulary_of(saved.record, path)
