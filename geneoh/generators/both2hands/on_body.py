@@ -133,7 +133,8 @@ def generate_on_body(
         networks=load_networks(options.weights, text_encoder=options.text_encoder),
         on_step=on_progress and partial(on_progress, "hands"),
     )
-    body = with_fingers(body, over_frames(made, body.frames))
+    fingers = over_frames(made, body.frames).rotations[:, BODY_JOINTS:]
+    body = replace(body, motion=with_other_fingers(body.motion, fingers), has_fingers=True)
     sequence = Sequence(
         hand_tracks(body.skeleton, body.file_motion),
         held or ObjectTrack.resting((), body.frames),
@@ -175,12 +176,6 @@ def cleaned(
     hands = {hand.side: hand for hand in (*sequence.hands, *refined.sequence.hands)}
     whole = replace(refined.sequence, hands=tuple(hands.values()), source=sequence.source)
     return whole, refined
-
-
-def with_fingers(body: BodyRecording, made: BodyMotion) -> BodyRecording:
-    """The body with the fingers of another motion of as many frames."""
-    motion = with_other_fingers(body.motion, made.rotations[:, BODY_JOINTS:])
-    return replace(body, motion=motion, has_fingers=True)
 
 
 def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
