@@ -8,6 +8,7 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
+from geneoh.generators.text2hoi import settling
 from geneoh.generators.text2hoi.held_hands import FIRM, HeldHands, Holding, lifted, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
@@ -26,8 +27,13 @@ def ball():
 
 
 @pytest.fixture(scope="module")
-def solids(ball):
-    return solid_of(ball)[0]
+def grid(ball):
+    return solid_of(ball)
+
+
+@pytest.fixture(scope="module")
+def solids(grid):
+    return grid[0]
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +76,13 @@ def test_an_object_that_no_hand_can_hold_gets_no_new_hold(ball, stuck):
     assert new_hold(solids, stuck, None, TABLE, seeded()) is None
 
 
-def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball):
+def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball, grid, monkeypatch):
+    monkeypatch.setattr(settling, "solid_of", lambda _: grid)
     before = on_object(box_actions(["lift"], frames=24, hands=(False, True)), ball)
     pose, wrist = torch.zeros(1, 2, 24, 16, 3), torch.zeros(1, 2, 24, 3)
     pose[:, 1, :, 1:] = FINGER_MEAN
     wrist[:, 1] = torch.tensor([0.09, 0.0, RADIUS]) + before.translation
-    before, (solids, middle) = replace(before, pose=pose, wrist=wrist), solid_of(ball)
+    before, (solids, middle) = replace(before, pose=pose, wrist=wrist), grid
     after = settled(before, ball, generator=seeded())
     hand = HeldHands.of(after, 1, middle).take(slice(12, 13), "N")
     assert Holding.of(solids, hand).loose < FIRM
