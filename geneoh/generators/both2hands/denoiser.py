@@ -6,7 +6,7 @@ words beside that of the sentence, so that each hand can look up what is said of
 `form="paper"` has a token a frame and one of the condition.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
 import torch
@@ -98,9 +98,7 @@ class HandsDenoiser(nn.Module):
         """
         sigma = self.sigmas[level.long()]
         steps = self.steps(x / (1 + sigma.square()).sqrt()[:, None, None])
-        tokens = torch.stack(
-            [layer(part) for layer, part in zip(self.inputs, steps.unbind(2), strict=True)], 2
-        ).flatten(1, 2)
+        tokens = each_by_its_own(self.inputs, steps).flatten(1, 2)
         tokens = tokens if told.added is None else tokens + told.added
         first = told.tokens.shape[1]
         tokens = torch.cat([told.tokens, tokens], dim=1)
@@ -111,30 +109,34 @@ class HandsDenoiser(nn.Module):
             place = torch.cat([step.new_zeros(first), step]).to(x)
             seen = nn.functional.pad(told.seen, (0, len(step)), value=True)
             tokens = self.trunk(tokens, 0.25 * sigma.clamp(min=1e-4).log(), place, seen)
-        after = tokens[:, first:].unflatten(1, (-1, self.parts)).unbind(2)
-        found = torch.stack(
-            [layer(part) for layer, part in zip(self.outputs, after, strict=True)], 2
-        )
-        return self.frames_of(found)[:, : x.shape[1]]
+        after = tokens[:, first:].unflatten(1, (-1, self.parts))
+        return self.frames_of(each_by_its_own(self.outputs, after))[:, : x.shape[1]]
 
     def steps(self, x: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S P N"]:
         """Numbers by step and hand: of each frame of the step the positions, then the rotations."""
-        hands = torch.cat(
-            [
-                part.unflatten(-1, (self.parts, -1))
-                for part in x.split([HANDS // 3, 2 * HANDS // 3], dim=-1)
-            ],
-            dim=-1,
-        )
+        both = x.split([HANDS // 3, 2 * HANDS // 3], dim=-1)
+        hands = torch.cat([part.unflatten(-1, (self.parts, -1)) for part in both], dim=-1)
         return in_steps(hands, self.config.frames_per_token).transpose(2, 3).flatten(-2)
 
     def frames_of(self, steps: Float[Tensor, "B S P N"]) -> Float[Tensor, "B T 270"]:
         """Inverse of `steps`."""
         hands = steps.unflatten(-1, (self.config.frames_per_token, -1)).transpose(2, 3)
         size = HANDS // 3 // self.parts
-        return torch.cat(
-            [part.flatten(-2) for part in hands.flatten(1, 2).split([size, 2 * size], dim=-1)], -1
-        )
+        both = hands.flatten(1, 2).split([size, 2 * size], dim=-1)
+        return torch.cat([part.flatten(-2) for part in both], dim=-1)
+
+
+def each_by_its_own(
+    layers: nn.ModuleList, parts: Float[Tensor, "B S P N"]
+) -> Float[Tensor, "B S P M"]:
+    """Each part of a step through a layer of its own."""
+    pairs = zip(layers, parts.unbind(2), strict=True)
+    return torch.stack([layer(part) for layer, part in pairs], dim=2)
+
+
+def of_whole(told: Float[Tensor, "B D"]) -> Encoded:
+    """A condition of one token."""
+    return Encoded(told[:, None], torch.ones_like(told[:, :1], dtype=torch.bool))
 
 
 class BodyHands(HandsDenoiser):
@@ -150,9 +152,8 @@ class BodyHands(HandsDenoiser):
         """Features of a body made ready for `denoised`."""
         body = in_steps(self.body_scale.normalise(body), self.config.frames_per_token)
         steps = self.body(body.flatten(-2))
-        tokens = steps.new_zeros(len(steps), 1, self.config.width)
-        seen = torch.ones(tokens.shape[:2], dtype=torch.bool, device=tokens.device)
-        return Encoded(tokens, seen, steps.unflatten(-1, (self.parts, -1)).flatten(1, 2))
+        added = steps.unflatten(-1, (self.parts, -1)).flatten(1, 2)
+        return replace(of_whole(steps.new_zeros(len(steps), self.config.width)), added=added)
 
 
 class TextHands(HandsDenoiser):
@@ -171,18 +172,13 @@ class TextHands(HandsDenoiser):
     def encode(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> Encoded:
         """Sentences made ready for `denoised`: their pieces, or their vectors by an encoder."""
         if self.words is None:
-            whole = self.text(said)[:, None]
-            return Encoded(
-                whole, torch.ones(whole.shape[:2], dtype=torch.bool, device=whole.device)
-            )
+            return of_whole(self.text(said))
         vector, states, real = self.words.read_pieces(said)
-        whole = self.text(vector)[:, None]
+        whole = self.text(vector)
         if self.each is None:
-            return Encoded(whole, torch.ones_like(real[:, :1]))
-        return Encoded(
-            torch.cat([whole, self.each(states)], dim=1),
-            nn.functional.pad(real, (1, 0), value=True),
-        )
+            return of_whole(whole)
+        tokens = torch.cat([whole[:, None], self.each(states)], dim=1)
+        return Encoded(tokens, nn.functional.pad(real, (1, 0), value=True))
 
     def gestures(self, told: Encoded) -> Float[Tensor, "B 2 G"]:
         """Scores of what the left and the right hand do by a sentence, before the softmax."""

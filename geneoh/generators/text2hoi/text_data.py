@@ -21,6 +21,8 @@ from geneoh.synthesis.actions import VERBS
 VERB_CLASSES: tuple[str, ...] = (*VERBS, *OTHER_VERBS)
 HANDS_CLASSES: tuple[HandsName | None, ...] = (*HANDS, None)  # None: the sentence names no hand
 NOUN_CLASSES: tuple[str, ...] = (*NOUN_WORDS, "")  # the last one: any other noun
+CLASSES = {"verbs": VERB_CLASSES, "hands": HANDS_CLASSES, "nouns": NOUN_CLASSES}
+"""What each head of the encoder tells apart."""
 WORDS: dict[str, tuple[str, ...]] = VERB_WORDS | {v: w[1:] for v, w in OTHER_VERBS.items()}
 """Words of every class of verbs."""
 

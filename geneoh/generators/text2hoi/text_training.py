@@ -32,11 +32,7 @@ MEASURED = 512  # sentences of a kind that the encoder is measured on
 
 
 def _network() -> TextConfig:
-    return TextConfig(
-        verbs=len(text_data.VERB_CLASSES),
-        hands=len(text_data.HANDS_CLASSES),
-        nouns=len(text_data.NOUN_CLASSES),
-    )
+    return TextConfig(**{head: len(classes) for head, classes in text_data.CLASSES.items()})
 
 
 @dataclass(frozen=True)
@@ -58,8 +54,8 @@ class TextTrainConfig(RunConfig):
     def __post_init__(self) -> None:
         """Refuse numbers outside of their limits, and fewer classes than sentences name."""
         super().__post_init__()
-        named = {name: getattr(_network(), name) for name in ("verbs", "hands", "nouns")}
-        check_limits(self.text, {name: (least, self.text.LARGEST) for name, least in named.items()})
+        named = text_data.CLASSES.items()
+        check_limits(self.text, {head: (len(each), self.text.LARGEST) for head, each in named})
 
 
 def text_loss(network: TextNetwork, batch: Sentences, config: TextTrainConfig) -> Float[Tensor, ""]:
@@ -132,11 +128,7 @@ class TextTask(SamplesTask):
             "stage": self.name,
             "config": as_dict(self.config),
             "tokenizer": self.tokenizer.to_str(),
-            "classes": {
-                "verbs": text_data.VERB_CLASSES,
-                "hands": text_data.HANDS_CLASSES,
-                "nouns": text_data.NOUN_CLASSES,
-            },
+            "classes": text_data.CLASSES,
         }
 
 
