@@ -30,7 +30,7 @@ class PrincipalAxes(nn.Module):
 
     Along each axis and wave the network is preconditioned as by Karras et al. 2022: it begins with
     the best linear answer (Wiener 1949, tokens of a clip as a stationary sequence), and is asked
-    for unit variance. See `scales.set_axes`.
+    for unit variance. See `interaction.set_axes`.
     """
 
     axes: Tensor
@@ -86,3 +86,9 @@ def cosine_waves(
     shares = torch.fft.irfft(power, 2 * most)[..., :most]  # the correlation of a wave with itself
     shares[..., 1:] *= 2
     return basis.float(), shares.float()
+
+
+def axes_of_most_variance(values: Float[Tensor, "N D"]) -> Float[Tensor, "D D"]:
+    """Unit axes along which values vary around zero, as rows, by falling variance."""
+    _, axes = torch.linalg.eigh(values.double().T @ values.double())
+    return axes.T.flip(0).to(values)

@@ -15,13 +15,12 @@ from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
-from geneoh.generators.text2hoi.interaction import Condition, InteractionNetwork
+from geneoh.generators.text2hoi.interaction import Condition, InteractionNetwork, set_statistics
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
 from geneoh.generators.text2hoi.losses import geometric_loss, simple_loss
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, points_of, refiner_loss
 from geneoh.generators.text2hoi.samples import ActionData, Samples, draw_samples, sentences
-from geneoh.generators.text2hoi.scales import set_statistics
 from geneoh.generators.text2hoi.text import ASKED
 from geneoh.generators.text2hoi.tokens import Tokens, actions_of, tokens_of
 from geneoh.seeds import seeded_generator

@@ -1,8 +1,12 @@
 import torch
 from draws import normal, seeded
 
-from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves, cosine_waves
-from geneoh.generators.text2hoi.scales import principal_axes
+from geneoh.generators.text2hoi.principal_axes import (
+    PrincipalAxes,
+    Waves,
+    axes_of_most_variance,
+    cosine_waves,
+)
 
 VALID = torch.tensor([[True, True, True, True, True], [True, True, True, False, False]])
 SIGMA = torch.tensor([0.5, 2.0])
@@ -72,5 +76,5 @@ def test_the_answer_that_is_asked_of_the_network_gives_the_clean_numbers():
 
 
 def test_principal_axes_fall_in_variance_and_are_of_unit_length():
-    axes = principal_axes(normal(20000, 3) * torch.tensor([1.0, 3.0, 2.0]))
+    axes = axes_of_most_variance(normal(20000, 3) * torch.tensor([1.0, 3.0, 2.0]))
     torch.testing.assert_close(axes.abs(), torch.eye(3)[[1, 2, 0]], atol=0.05, rtol=0)

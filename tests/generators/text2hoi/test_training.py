@@ -9,9 +9,8 @@ from made_networks import TINY, in_paper_form, tiny_data, tiny_task
 
 from geneoh.errors import CheckpointError
 from geneoh.generators.text2hoi.contact import ContactNetwork
-from geneoh.generators.text2hoi.interaction import Condition
+from geneoh.generators.text2hoi.interaction import LEAST_DEVIATION, Condition
 from geneoh.generators.text2hoi.samples import ActionData, draw_samples, sentences
-from geneoh.generators.text2hoi.scales import LEAST_DEVIATION
 from geneoh.generators.text2hoi.tokens import tokens_of
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.streamed import Streamed
