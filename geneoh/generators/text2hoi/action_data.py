@@ -100,30 +100,28 @@ def recorded_actions(
     """
     recordings = Recordings(source, config, options)
     shards, problems = recordings.shards(path, folder, on_step)
-    labels: list[dict[str, str]] = []
-    found: list[Actions] = []
+    found: list[tuple[Actions, list[dict[str, str]]]] = []
     left_out: Counter[str] = Counter()
     for shard in shards:
         with opened_tensors(shard) as (file, record):
             left_out.update(record["left_out"])
             if record["labels"]:
-                labels += record["labels"]
-                found.append(Actions(**all_tensors(file)))
+                found.append((Actions(**all_tensors(file)), record["labels"]))
     reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
     if not found:
         raise InputError(
             f"{path}: expected labelled actions of {source}, found none "
             f"({reasons or 'no labels'}); check that the data set is whole"
         )
+    labels = [label for _, of_shard in found for label in of_shard]
     verbs, names = (sorted({label[key] for label in labels}) for key in ("verb", "noun"))
-    verb, name = (
-        torch.tensor([words.index(label[key]) for label in labels]).split(
-            [len(actions.verb) for actions in found]
-        )
-        for words, key in ((verbs, "verb"), (names, "noun"))
-    )
     together = Streamed.of(
-        replace(actions, verb=v, name=n) for actions, v, n in zip(found, verb, name, strict=True)
+        replace(
+            actions,
+            verb=torch.tensor([verbs.index(label["verb"]) for label in of_shard]),
+            name=torch.tensor([names.index(label["noun"]) for label in of_shard]),
+        )
+        for actions, of_shard in found
     )
     held, words = held_out([label["subject"] for label in labels], config.held_out)
     parts = [

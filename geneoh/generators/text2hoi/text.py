@@ -58,12 +58,10 @@ def shipped_model() -> TextModel:
 
 
 def load_text_encoder(folder: Path | None = None) -> TextEncoder:
-    """Our own encoder; or one that the user has.
+    """The encoder of a folder, or the shipped one.
 
-    Args:
-        folder: holds `text.safetensors` of `geneoh train --stage text`, or a CLIP or
-            sentence-transformers model as the library transformers saves it; None is for the
-            shipped encoder.
+    A folder holds `text.safetensors` of `geneoh train --stage text`, or a CLIP or
+    sentence-transformers model as the library transformers saves it.
 
     Raises:
         InputError: the folder holds no model that can be used.
