@@ -4,11 +4,12 @@ The camera looks at a target from a direction; `right`, `up` and `back` (from th
 are its axes in the world.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
@@ -83,9 +84,12 @@ def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
         return _body_cameras(scene, scene.body, up)
     targets = _targets(scene)
     axes = _best_axes(scene, up, targets, _radius(scene, targets, np.eye(3)))
-    radius, whole = _radius(scene, targets, axes), _object_reach(scene.object, targets, axes)
-    if radius < MARGIN * whole < NEARLY * radius:
-        radius = MARGIN * whole
+    radius = _radius(scene, targets, axes)
+    if scene.object.meshes:
+        middles = _middles_of_all(scene, targets, axes)
+        whole = MARGIN * float(_reach_of_all(scene, middles, axes).quantile(WHOLE_FRAMES))
+        if whole < NEARLY * radius:
+            targets, radius = middles, whole
     return [Camera(axes, target, radius) for target in targets]
 
 
@@ -159,7 +163,7 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
 
 
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
-    """What the camera looks at: near the hands, towards the object; smooth over each shot."""
+    """What the camera looks at: near the hands, towards the object."""
     hands = [hand for version in scene.versions for hand in version.hands]
     seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
     centre = torch.cat(seen, dim=1).nanmean(1).numpy()
@@ -171,7 +175,12 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
         centre = middle
     aside = np.zeros_like(centre) if middle is None else OBJECT_PULL * (middle - centre)
     aside *= np.minimum(1, MAX_OFFSET / np.linalg.norm(aside, axis=-1, keepdims=True).clip(1e-9))
-    shots = np.split(centre + aside, _cuts(scene))
+    return _smooth(scene, centre + aside)
+
+
+def _smooth(scene: Scene, path: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 3"]:
+    """The path of a camera, smooth over each shot."""
+    shots = np.split(path, _cuts(scene))
     smoothed = (gaussian_filter1d(s, SMOOTHING * scene.fps, 0, mode="nearest") for s in shots)
     return np.concatenate(list(smoothed))
 
@@ -199,14 +208,40 @@ def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> floa
     return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))
 
 
-def _object_reach(motion: ObjectTrack, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
-    """Radius with which the object's parts are whole in nearly all frames, metres."""
-    reach = torch.zeros(len(targets))
+def _seen_of_all(scene: Scene) -> Iterator[tuple[Float[Tensor, "T N 3"], Bool[Tensor, " T"]]]:
+    """Vertices of the hands of all versions, and of the outline of each part of the object, with
+    the frames in which they are there."""
+    for hand in (hand for version in scene.versions for hand in version.hands):
+        yield hand.verts, hand.valid
+    motion = scene.object
     for part, mesh in enumerate(motion.meshes):
         verts = mesh.verts[:: max(1, len(mesh.verts) // OUTLINE)]
         placed = verts @ motion.rotation[:, part].mT + motion.translation[:, part, None]
-        reach = torch.maximum(reach, _reach(placed, targets, axes))
-    return float(reach.quantile(WHOLE_FRAMES))
+        yield placed, torch.ones(scene.frames, dtype=torch.bool)
+
+
+def _middles_of_all(
+    scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes
+) -> Float[np.ndarray, "T 3"]:
+    """The targets, moved in the plane of the picture to the middle of hands and object."""
+    across = torch.from_numpy(axes[:2]).float()
+    low = torch.full((scene.frames, 2), torch.inf)
+    high = -low
+    for verts, there in _seen_of_all(scene):
+        seen = (verts - torch.from_numpy(targets).float()[:, None]) @ across.T
+        low = torch.minimum(low, seen.amin(1).where(there[:, None], low))
+        high = torch.maximum(high, seen.amax(1).where(there[:, None], high))
+    return _smooth(scene, targets + ((low + high) / 2).numpy() @ axes[:2])
+
+
+def _reach_of_all(
+    scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes
+) -> Float[Tensor, " T"]:
+    """Radius with which hands and object are whole in each frame, metres."""
+    reach = torch.zeros(scene.frames)
+    for verts, there in _seen_of_all(scene):
+        reach = torch.maximum(reach, _reach(verts, targets, axes).where(there, reach))
+    return reach
 
 
 def _reach(

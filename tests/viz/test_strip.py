@@ -132,3 +132,13 @@ def test_an_object_that_is_nearly_whole_is_not_cut(scene):
         seen = camera.project(placed, (200, 200))[:, :2]
         assert seen.min() > 0
         assert seen.max() < 200
+
+
+def test_hands_and_an_object_that_is_whole_are_in_the_middle_of_the_picture(scene):
+    motion, hands = scene.object, [hand for version in scene.versions for hand in version.hands]
+    for frame, camera in enumerate(cameras(scene, UP)):
+        turned = zip(motion.meshes, motion.rotation[frame], motion.translation[frame], strict=True)
+        placed = [mesh.verts @ rotation.T + place for mesh, rotation, place in turned]
+        placed += [hand.verts[frame] for hand in hands if hand.valid[frame]]
+        seen = camera.project(torch.cat(placed).numpy().astype(float), (200, 200))[:, :2]
+        np.testing.assert_allclose((seen.min(0) + seen.max(0)) / 2, 100, atol=12)
