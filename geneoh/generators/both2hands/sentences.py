@@ -47,8 +47,8 @@ def known_words() -> frozenset[str]:
 
 def said_of_gestures() -> list[str]:
     """All phrases for made gestures, such as "wave hello"; each begins with its verb."""
-    one = [phrase for gesture in ONE_HANDED.values() for phrase in gesture.says]
-    return one + [phrase for gesture in TWO_HANDED.values() for phrase in gesture.said]
+    made = (*ONE_HANDED.values(), *TWO_HANDED.values())
+    return [phrase for gesture in made for phrase in gesture.says]
 
 
 def refuse_contradiction(sentence: str) -> None:

@@ -69,7 +69,7 @@ class Roles:
     def doings(self) -> tuple[Doing, Doing]:
         """What is said of the left and the right hand together; equal for one gesture."""
         if self.pair is not None:
-            return Doing(self.pair.said), Doing(self.pair.said)
+            return Doing(self.pair.says), Doing(self.pair.says)
         return self.left.doing, self.right.doing
 
 
@@ -98,8 +98,8 @@ def draw_roles(variants: Sequence[tuple[str, int]], shares: GestureShares, draws
     if known.isdisjoint(ONE_HANDED) or (kind < shares.together and not no_pair):
         role = drawn(TWO_HANDED)
         pair = TWO_HANDED[role.name]
-        left = replace(role, gesture=pair.left or pair.right)
-        return Roles(left, replace(role, gesture=pair.right), pair)
+        left = replace(role, gesture=pair.left or pair)
+        return Roles(left, replace(role, gesture=pair), pair)
     if shares.together <= kind < shares.together + shares.mirrored and not no_mirrored:
         role = drawn(MIRRORED)
         return Roles(role, role, mirrored=True)
@@ -129,26 +129,26 @@ def hand_motions(
     frames = len(swing)
     rest = _rest_name(roles, seated, draws)
     shared = Variation.drawn(draws, settings, 0.5)
-    timings: list[Timing] = []
-    hands: list[HandMotion] = []
+    still = torch.zeros(frames)
+    timing = Timing(still, still)
+    hands: list[tuple[HandMotion, Tensor, Tensor, Tensor]] = []
     for index, role in enumerate((roles.left, roles.right)):
         at_rest = resting(RESTS[rest[index]], frames, swing[:, index], settings, draws)
         if role.gesture is None:
-            timings.append(Timing(torch.zeros(frames), torch.zeros(frames)))
-            hands.append(at_rest)
+            hands.append((at_rest, still, still, still))
             continue
         own = shared if roles.together else Variation.drawn(draws, settings, 0.5)
         variation = variation_of(role.name, role.variant, settings).combined_with(own)
         if roles.pair is not None and roles.pair.touches:
             variation = variation.with_palms_together()
-        if index and roles.together:
-            timing = timings[0]
-        else:
+        if index == 0 or not roles.together:
             timing = draw_timing(role.gesture, variation.tempo, frames, settings, draws)
-        timings.append(timing)
-        own_time = _own_time(timing, roles, index)
-        hands.append(perform(role.gesture, variation, own_time, at_rest, settings, draws))
-    return _both(roles, hands, timings, draws)
+        later = roles.pair.apart if roles.pair is not None and index == 0 else 0.0
+        own_time = replace(timing, phase=timing.phase + later)
+        hand = perform(role.gesture, variation, own_time, at_rest, settings, draws)
+        course = stroke(role.gesture.course, own_time.phase) * timing.active
+        hands.append((hand, timing.active, course, role.gesture.swivel * timing.active))
+    return _both(roles.pair, hands, draws)
 
 
 def _rest_name(roles: Roles, seated: bool, draws: Draws) -> tuple[str, str]:
@@ -160,30 +160,21 @@ def _rest_name(roles: Roles, seated: bool, draws: Draws) -> tuple[str, str]:
     return (one, one) if roles.together else (one, other)
 
 
-def _own_time(timing: Timing, roles: Roles, index: int) -> Timing:
-    """The time of a hand: the left one's strokes may come after the right one's."""
-    later = roles.pair.apart if roles.pair is not None and index == 0 else 0.0
-    return replace(timing, phase=timing.phase + later)
-
-
-def _both(roles: Roles, hands: list[HandMotion], timings: list[Timing], draws: Draws) -> TwoHands:
-    left, right = hands
+def _both(
+    pair: PairGesture | None, hands: list[tuple[HandMotion, Tensor, Tensor, Tensor]], draws: Draws
+) -> TwoHands:
+    """Both right hands, each with its activity, stroke and swivel, as a left and a right one."""
+    (left, right), *courses = zip(*hands, strict=True)
+    active, course, swivel = (torch.stack(each, 1) for each in courses)
     place = mirror_points(left.place)
-    if roles.pair is not None and roles.pair.cross:
-        nearer = torch.tensor([0.0, -roles.pair.cross, -0.5 * roles.pair.cross])
-        place = place + timings[0].active[:, None] * nearer
-    swivel = 0.08 * draws.smooth(len(place), 2, 25.0)[0]
-    course, turned = [], []
-    for index, (role, timing) in enumerate(zip((roles.left, roles.right), timings, strict=True)):
-        gesture = role.gesture
-        own = _own_time(timing, roles, index).phase
-        course.append(stroke("still" if gesture is None else gesture.course, own) * timing.active)
-        turned.append((0.0 if gesture is None else gesture.swivel) * timing.active)
+    if pair is not None and pair.cross:
+        nearer = torch.tensor([0.0, -pair.cross, -0.5 * pair.cross])
+        place = place + active[:, :1] * nearer
     return TwoHands(
         torch.stack([place, right.place], 1),
         torch.stack([mirror_rotations(left.turn), right.turn], 1),
         torch.stack([mirror_axis_angle(left.fingers), right.fingers], 1),
-        torch.stack([timing.active for timing in timings], 1),
-        torch.stack(course, 1),
-        swivel + torch.stack(turned, 1),
+        active,
+        course,
+        0.08 * draws.smooth(len(place), 2, 25.0)[0] + swivel,
     )

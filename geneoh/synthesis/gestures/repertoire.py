@@ -49,21 +49,14 @@ class Gesture:
 
 
 @dataclass(frozen=True)
-class PairGesture:
-    """What both hands do together; the left hand mirrors the right one where it has none."""
+class PairGesture(Gesture):
+    """What both hands do together, told of the right one; `says` is of both."""
 
-    right: Gesture
-    left: Gesture | None = None
-    says: tuple[str, ...] = ()  # of both hands; those of the right one where there are none
+    left: Gesture | None = None  # None where the left hand mirrors the right one
     apart: float = 0.0  # of a stroke, by which the left hand is later
     seated: float = 0.3  # share of the people who sit
     cross: float = 0.0  # how far the left hand is lower, metres, where arms cross
     touches: bool = False  # whether the palms meet, as they do in no variant that has them apart
-
-    @property
-    def said(self) -> tuple[str, ...]:
-        """Phrases of both hands."""
-        return self.says or self.right.says
 
 
 UP, FORWARD = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -20,7 +20,7 @@ def test_the_first_sentence_names_both_hands_plainly():
     said = joined_sentences(REST, WAVE, generator=seeded())
     assert said[0] == "the right hand waves, the left hand rests"
     assert len(said) == JOINED
-    clap = Doing(TWO_HANDED["clap"].said)
+    clap = Doing(TWO_HANDED["clap"].says)
     assert joined_sentences(clap, clap, generator=seeded())[0] == "both hands clap"
 
 
@@ -45,5 +45,5 @@ def test_both_verbs_of_a_phrase_are_inflected():
 
 
 def test_no_two_gestures_are_said_alike():
-    plain = [g.says[0] for g in ONE_HANDED.values()] + [p.said[0] for p in TWO_HANDED.values()]
+    plain = [each.says[0] for each in (*ONE_HANDED.values(), *TWO_HANDED.values())]
     assert len(set(plain)) == len(plain)

@@ -27,7 +27,7 @@ def clips_of(names, monkeypatch, walking=0.0, frames=90):
         if name in ONE_HANDED:
             return Roles(Role(REST), Role(name, 0, ONE_HANDED[name]))
         pair = TWO_HANDED[name]
-        return Roles(Role(name, 0, pair.left or pair.right), Role(name, 0, pair.right), pair)
+        return Roles(Role(name, 0, pair.left or pair), Role(name, 0, pair), pair)
 
     monkeypatch.setattr(synthesis, "draw_roles", drawn)
     config = BodyConfig(shares=GestureShares(walking=walking, seated=0.0))
