@@ -113,10 +113,6 @@ class Move(NamedTuple):
 _STANDING = Move()  # as the object stands on the table, closed
 
 
-def _lift(d: _Drawn) -> list[Move]:
-    return [_STANDING, Move(d.range("move"), d.up() + 0.06 * torch.eye(3)[2])]
-
-
 def _put_down(d: _Drawn) -> list[Move]:
     there = d.up() + 0.5 * d.range("carried")[:, None] * d.level()
     return [Move(shift=there), Move(d.range("way"), rest=d.range("stop"))]
@@ -130,10 +126,6 @@ def _carry(d: _Drawn) -> list[Move]:
         Move(d.range("way"), up + way),
         Move(d.range("move"), way),
     ]
-
-
-def _slide(d: _Drawn) -> list[Move]:
-    return [_STANDING, Move(d.range("way"), d.range("slid")[:, None] * d.level())]
 
 
 def _rotate(d: _Drawn) -> list[Move]:
@@ -173,18 +165,6 @@ def _inspect(d: _Drawn) -> list[Move]:
     ]
 
 
-def _press(d: _Drawn) -> list[Move]:
-    return [_STANDING, Move(d.range("pressed"))]
-
-
-def _open(d: _Drawn) -> list[Move]:
-    return [_STANDING, Move(d.range("way"), joint=1.0)]
-
-
-def _close(d: _Drawn) -> list[Move]:
-    return [Move(joint=1.0), Move(d.range("way"))]
-
-
 def _pass(d: _Drawn) -> list[Move]:
     up, way = d.up() + 0.06 * torch.eye(3)[2], 0.5 * d.range("carried")[:, None] * d.level()
     return [
@@ -195,18 +175,18 @@ def _pass(d: _Drawn) -> list[Move]:
 
 
 SCRIPTS: dict[str, Callable[[_Drawn], list[Move]]] = {
-    "lift": _lift,
+    "lift": lambda d: [_STANDING, Move(d.range("move"), d.up() + 0.06 * torch.eye(3)[2])],
     "put down": _put_down,
     "carry": _carry,
-    "slide": _slide,
+    "slide": lambda d: [_STANDING, Move(d.range("way"), d.range("slid")[:, None] * d.level())],
     "rotate": _rotate,
     "pour": lambda d: _tip(d, "poured"),
     "tilt": lambda d: _tip(d, "tilted"),
     "shake": _shake,
     "inspect": _inspect,
-    "press": _press,
-    "open": _open,
-    "close": _close,
+    "press": lambda d: [_STANDING, Move(d.range("pressed"))],
+    "open": lambda d: [_STANDING, Move(d.range("way"), joint=1.0)],
+    "close": lambda d: [Move(joint=1.0), Move(d.range("way"))],
     "pass": _pass,
 }
 """The moves of each verb."""
