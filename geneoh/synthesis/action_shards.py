@@ -15,11 +15,10 @@ from geneoh.synthesis.action_setups import stands_upright
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.attempts import draw_attempts, tried_grasps
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
-from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.shards import find_shards, scans_of, shard_record
+from geneoh.synthesis.shards import find_shards, refuse_damage, scans_of, shard_record, whole_shard
 
 
 @dataclass(frozen=True)
@@ -105,8 +104,8 @@ def action_shard(path: Path) -> Actions:
     """One shard; `InputError` if the file is no whole shard of actions."""
     with whole_shard(path, DEFAULTS) as (shard, _):
         actions = Actions(**all_tensors(shard))
-        refuse_damage(actions, {"verb": len(VERBS), "name": MOST_NAMES, "part": 2})
-        refuse_lengths(actions.length, actions.joint.shape[1])
+        names = {"verb": (0, len(VERBS) - 1), "name": (0, MOST_NAMES - 1), "part": (0, 1)}
+        refuse_damage(actions, names | {"length": (2, actions.joint.shape[1])})
         return actions
 
 

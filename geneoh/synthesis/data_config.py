@@ -14,7 +14,7 @@ from geneoh.synthesis.scans import Scans
 
 MOST_FRAMES = 9000
 """Frames of the longest clip: five minutes, in which a body walks 500 m; a shard whose numbers are
-beyond `damage.LARGEST` (1000) is taken for damaged."""
+beyond `shards.LARGEST` (1000) is taken for damaged."""
 MOST_IN_SHARD = 1_000_000
 """Frames of all clips of the largest shard. They are made at once and take 7 to 15 KB each."""
 

@@ -1,6 +1,7 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -8,18 +9,18 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.config import as_dict, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.atomic import make_folder
-from geneoh.files.tensors import all_tensors, write_tensors
+from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
 from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.attempts import synthesize_shard
-from geneoh.synthesis.damage import refuse_damage, whole_shard
 from geneoh.synthesis.data_config import ShardConfig, SynthesisConfig
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
@@ -39,6 +40,7 @@ class Source(Protocol):
 
 DEFAULTS = SynthesisConfig()
 FORMER_FAMILIES = 32  # of shards that do not say how many there were
+LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,35 @@ def differences(found: ShardRecord, asked: ShardRecord) -> str:
     return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
 
 
+@contextmanager
+def whole_shard(path: Path, kind: ShardConfig) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """An opened shard of a kind and its record; `InputError` where the file, or the block, finds
+    damage."""
+    try:
+        with opened_tensors(path) as opened:
+            yield opened
+    except (OSError, DamagedTensorsError) as error:
+        raise InputError(
+            f"{path}: expected a whole shard of {kind.kind}, got {error}; delete it and run "
+            f"`{kind.command}` again, which makes what is missing"
+        ) from error
+
+
+def refuse_damage(clips: Bundle, ranges: Mapping[str, tuple[int, int]]) -> None:
+    """Refuse what only damage makes: no clips or points, NaN, or numbers out of the `ranges` that
+    some fields have."""
+    for name, value in vars(clips).items():
+        if not isinstance(value, Tensor):
+            continue
+        if not value.numel():
+            raise ValueError(f"nothing in '{name}'")
+        if value.is_floating_point() and not bool((value.abs() <= LARGEST).all()):
+            raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")  # or NaN
+        least, most = ranges.get(name, (-torch.inf, torch.inf))
+        if not bool(((value >= least) & (value <= most)).all()):
+            raise ValueError(f"numbers in '{name}' that are not from {least} to {most}")
+
+
 def shard_record(path: Path, defaults: ShardConfig = DEFAULTS) -> ShardRecord:
     """What a shard was made with; a setting that it does not name has its default.
 
@@ -201,7 +232,7 @@ def read_shard(path: Path) -> Interactions:
         if "scan" not in found:  # made before there were scanned objects
             found["scan"] = torch.full((len(found["wrist"]),), -1)
         clips = Interactions(**found)
-        refuse_damage(clips, {"part": clips.rotation.shape[2]})
+        refuse_damage(clips, {"part": (0, clips.rotation.shape[2] - 1)})
         _check_hands_and_motion(clips)
         return clips
 

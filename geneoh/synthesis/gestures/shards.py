@@ -10,7 +10,6 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.config import check_limits
 from geneoh.files.tensors import all_tensors
-from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
 from geneoh.synthesis.data_config import ShardConfig
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
@@ -19,7 +18,7 @@ from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.stance import BODIES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing, handling
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
-from geneoh.synthesis.shards import find_shards
+from geneoh.synthesis.shards import find_shards, refuse_damage, whole_shard
 
 TEXTS = ("left", "right", "joined")
 """Fields of `Gestures` that are text, which the record of a shard holds."""
@@ -93,8 +92,8 @@ def gesture_shard(path: Path) -> Gestures:
         held: dict[str, Any] = dict(all_tensors(shard))
         held |= {name: np.array(record[name]) for name in TEXTS}
         clips = Gestures(**held)
-        refuse_damage(clips, {"gesture": len(NAMES)})
-        refuse_lengths(clips.length, clips.root.shape[1])
+        lengths = (2, clips.root.shape[1])
+        refuse_damage(clips, {"gesture": (0, len(NAMES) - 1), "length": lengths})
         return clips
 
 
