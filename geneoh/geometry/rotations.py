@@ -10,9 +10,20 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from geneoh.choices import AXES, Axis
+
 SMALL_ANGLE_SQUARED = 1e-6  # below it, the next term of the power series vanishes in float32
 ROTATION_TOLERANCE = 1e-2
 """Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
+TO_Z = {
+    "x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    "y": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "z": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "-x": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)),
+    "-y": ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
+    "-z": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
+}
+"""Rotations by which each axis comes to point along z."""
 
 
 def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
@@ -166,3 +177,14 @@ def kabsch(
     rotation = nearest_rotations((weight * goal).transpose(-1, -2) @ start)
     translation = goal_mean - (rotation @ start_mean[..., None])[..., 0]
     return rotation.to(points_from.dtype), translation.to(points_from.dtype)
+
+
+def turn_up(up: Axis, to: Axis = "z") -> Float[Tensor, "3 3"]:
+    """The rotation of a world whose axis `up` points up into one in which `to` does."""
+    return torch.tensor(TO_Z[to]).T @ torch.tensor(TO_Z[up])
+
+
+def nearest_axis(direction: Float[Tensor, " 3"]) -> Axis:
+    """The signed axis to which a direction is nearest."""
+    index = int(direction.abs().argmax())
+    return AXES[index + 3 * bool(direction[index] < 0)]

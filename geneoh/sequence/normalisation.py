@@ -9,8 +9,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.model import HandModel
-from geneoh.sequence.averaging import averaged
-from geneoh.sequence.resample import at_rate, nearest_frames, over_frames
+from geneoh.sequence.resample import at_rate, averaged, nearest_frames, over_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 NETWORK_FPS = 30.0

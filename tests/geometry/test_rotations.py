@@ -5,6 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from geneoh.choices import AXES
 from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     interpolate_rotations,
@@ -13,9 +14,11 @@ from geneoh.geometry.rotations import (
     matrix_to_axis_angle,
     matrix_to_quat_wxyz,
     matrix_to_rotation_6d,
+    nearest_axis,
     rotation_6d_to_matrix,
     shortest_turn,
     skew,
+    turn_up,
 )
 
 FLOAT32 = 2e-6
@@ -162,3 +165,20 @@ def test_the_shortest_turn_takes_one_direction_to_another_however_opposite(angle
     torch.testing.assert_close(square, torch.eye(3).expand_as(square), atol=FLOAT32, rtol=0)
     found = matrix_to_axis_angle(turn.double()).norm(dim=-1)
     torch.testing.assert_close(found, torch.full_like(found, angle), atol=1e-3, rtol=0)
+
+
+def unit(axis: str) -> torch.Tensor:
+    return torch.eye(3)["xyz".index(axis[-1])] * (-1 if axis.startswith("-") else 1)
+
+
+@pytest.mark.parametrize("up", AXES)
+@pytest.mark.parametrize("to", AXES)
+def test_turning_up_takes_one_axis_to_the_other_without_a_mirror(up, to):
+    turn = turn_up(up, to)
+    torch.testing.assert_close(turn @ unit(up), unit(to))
+    assert torch.linalg.det(turn) == 1
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_nearest_axis_of_a_leaning_direction(axis):
+    assert nearest_axis(unit(axis) + torch.tensor([0.1, -0.2, 0.15])) == axis

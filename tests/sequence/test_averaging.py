@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.sequence.averaging import averaged
-from geneoh.sequence.resample import at_rate
+from geneoh.sequence.resample import at_rate, averaged
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 FRAMES, FPS = 60, 120.0

@@ -10,8 +10,7 @@ from trees.writers import dump_joblib
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import embedded_skeleton
-from geneoh.geometry.axes import turn_up
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, turn_up
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.npz_files import save_sequence

@@ -18,8 +18,7 @@ from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import load_networks
 from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words
-from geneoh.geometry.axes import turn_up
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import axis_angle_to_matrix, turn_up
 from geneoh.modes import undisturbed
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options

@@ -17,9 +17,8 @@ from geneoh.choices import SIDES, TAKING_PART, Axis
 from geneoh.config import Limited
 from geneoh.generators.text2hoi.annotation import SHORTEST, Label
 from geneoh.generators.text2hoi.standing import POINTS
-from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, turn_up
 from geneoh.readers.sources.arctic import HINGE
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, Sequence

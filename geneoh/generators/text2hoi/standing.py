@@ -8,8 +8,8 @@ from torch import Tensor
 
 from geneoh.choices import Axis
 from geneoh.errors import InputError
-from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import turn_up
 from geneoh.geometry.sampling import sample_surface
 from geneoh.synthesis.actions import Actions
 

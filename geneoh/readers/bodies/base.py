@@ -11,7 +11,7 @@ from geneoh.body.skeleton import JOINT_NAMES, Skeleton
 from geneoh.bundle import Bundle, equal_values, repr_by_shapes
 from geneoh.choices import Axis
 from geneoh.errors import InputError
-from geneoh.geometry.axes import nearest_axis, turn_up
+from geneoh.geometry.rotations import nearest_axis, turn_up
 from geneoh.sequence.resample import MOST_FRAMES, evenly
 from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 

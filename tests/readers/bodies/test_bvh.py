@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import JOINT_NAMES, PARENTS, Skeleton, embedded_skeleton
 from geneoh.errors import InputError
-from geneoh.geometry.axes import turn_up
+from geneoh.geometry.rotations import turn_up
 from geneoh.readers.bodies.bvh import bvh_text, read_bvh
 
 SWAYING = bodies.swaying()
