@@ -25,10 +25,10 @@ from geneoh.synthesis.gestures.shards import GestureConfig
 from geneoh.synthesis.gestures.synthesis import gesturing
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, Canvas
-from geneoh.viz.gesture_sheet import hands_from_near
 from geneoh.viz.look import Look
 from geneoh.viz.picture import draw
 from geneoh.viz.scene import Scene, make_scene
+from geneoh.viz.sheet import hands_from_near
 
 CHOSEN = (
     ("rest", "wave", "the right hand waves, the left hand rests"),

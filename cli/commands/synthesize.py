@@ -76,7 +76,7 @@ def synthesize(
     from geneoh.synthesis.replay import NoFirstGraspsError
     from geneoh.synthesis.shards import write_shards
     from geneoh.viz.canvas import png_bytes
-    from geneoh.viz.gesture_sheet import sheet_of
+    from geneoh.viz.sheet import sheet_of
 
     options.refuse_unit_without(meshes, "--objects")
     path = None if config is None else options.find_config(config)

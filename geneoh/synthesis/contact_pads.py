@@ -1,4 +1,5 @@
-"""What of the hand meets an object: spheres along the bones, and contact pads on the skin.
+"""What of the hand meets an object: spheres along the bones, and contact pads on the skin; and what
+else these spheres keep out of.
 
 Right hands; pads face directions of the rest frame (fingers -x, palm -y, thumb +z); metres.
 """
@@ -69,6 +70,20 @@ class OtherHands(Bundle):
     ) -> Float[Tensor, "B K"]:
         """How deep each sphere is in these, metres; negative beside them."""
         return self.overlap(centers, radii).amax(-1)
+
+
+@dataclass(frozen=True)
+class Table(Bundle):
+    """The plane of the table in the frames of B objects: p is `p @ up + height` over it, metres."""
+
+    up: Float[Tensor, "B 3"]  # unit vectors
+    height: Float[Tensor, " B"]  # of the frames' origins
+
+    def depth(
+        self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
+    ) -> Float[Tensor, "B K"]:
+        """How far spheres reach under the table, metres; negative over it."""
+        return radii - torch.linalg.vecdot(centers, self.up[:, None]) - self.height[:, None]
 
 
 def contact_pads(

@@ -18,6 +18,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.contact_pads import (
     PAD_DIGITS,
     OtherHands,
+    Table,
     contact_pads,
     finger_clearance,
     hand_scale,
@@ -26,7 +27,6 @@ from geneoh.synthesis.contact_pads import (
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.pose_prior import FINGER_STD, beyond_range
 from geneoh.synthesis.solids import Solids
-from geneoh.synthesis.table import Table
 
 SOFT = 0.004
 """How deep a hand reaches into the table without cost, metres: fingers that reach under what lies

@@ -19,6 +19,7 @@ from geneoh.nn.adam import adam
 from geneoh.synthesis.contact_pads import (
     PAD_DIGITS,
     OtherHands,
+    Table,
     contact_pads,
     hand_scale,
     hand_spheres,
@@ -29,7 +30,6 @@ from geneoh.synthesis.grasp_energy import GraspAttempt, GraspEnergy, Hands, gras
 from geneoh.synthesis.grasp_types import GRASP_TYPES, of_type
 from geneoh.synthesis.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, curled
 from geneoh.synthesis.solids import Solids
-from geneoh.synthesis.table import Table
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
-"""A contact sheet of synthetic interactions: one of each object family, in the grasp."""
+"""Contact sheets of made data: a grasp of each object family, or a body in each gesture."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
@@ -7,23 +8,43 @@ import torch
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.metrics.report import measure_frames
 from geneoh.progress import OnStep, steps
-from geneoh.sequence.sequence import ObjectTrack
+from geneoh.readers.bodies.base import BodyRecording
+from geneoh.sequence.body_hands import hand_tracks
+from geneoh.sequence.sequence import ObjectTrack, Sequence
+from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.gestures import shards as gesture_shards
+from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import NoFirstGraspsError, Replay, replay_shard
 from geneoh.synthesis.shards import find_shards
 from geneoh.synthesis.solids import PARTS
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
-from geneoh.viz.camera import cameras
+from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
-from geneoh.viz.look import DEFAULT_LOOK
+from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.picture import Picture, draw
-from geneoh.viz.scene import PosedTrack, Scene, Version
+from geneoh.viz.scene import PosedTrack, Scene, Version, make_scene
 
 COLUMNS = 8
 SCANNED = 32  # most scanned objects on the sheet, spread over their names
 SHEET_CELL = 200  # side of one picture, pixels
 SHEET_GAP = 10  # between two pictures, pixels
 TEXT_HEIGHT = 40  # height of the two lines below a picture, pixels
+BODY_COLUMNS, BODY_CELL, BODY_GAP = 9, 180, 12  # the same of bodies; pictures of hands are half
+NEAR_RADIUS = 0.13  # of a picture of one hand, metres
+LONGEST = 32  # letters of a sentence that are shown
+
+
+def sheet_of(kind: str, folder: Path, on_step: OnStep | None = None) -> Picture:
+    """The contact sheet of a folder of shards of bodies, or of interactions."""
+    if kind == "bodies":
+        return gesture_sheet(one_of_each_gesture(folder), on_step=on_step)
+    return contact_sheet(one_of_each(folder), on_step=on_step)
+
+
+def places(count: int, columns: int, width: int, height: int) -> list[tuple[int, int]]:
+    """Left upper corners of cells in rows of so many, pixels."""
+    return [(index % columns * width, index // columns * height) for index in range(count)]
 
 
 def one_of_each(folder: Path) -> list[Replay]:
@@ -84,14 +105,13 @@ def contact_sheet(
     clips: list[Replay], *, cell: int = SHEET_CELL, on_step: OnStep | None = None
 ) -> Picture:
     """One picture per clip with its family, penetration and touching fingertips below."""
-    columns = min(COLUMNS, len(clips))
-    rows = -(-len(clips) // columns)
     width, height = cell + SHEET_GAP, cell + TEXT_HEIGHT
-    canvas = Canvas(width * columns - SHEET_GAP, height * rows + SCALE_HEIGHT)
-    for index, clip in enumerate(steps(clips, on_step)):
+    corners = places(len(clips), COLUMNS, width, height)
+    bottom = corners[-1][1] + height
+    canvas = Canvas(width * min(COLUMNS, len(clips)) - SHEET_GAP, bottom + SCALE_HEIGHT)
+    for clip, (left, top) in zip(steps(clips, on_step), corners, strict=True):
         scene = grasp_scene(clip)
         measures = scene.versions[0].measures
-        left, top = index % columns * width, index // columns * height
         (picture,) = draw(scene, 0, cameras(scene, DEFAULT_LOOK.upward)[0], cell)
         canvas.paste(picture, left, top)
         title = Path(scene.title).stem.replace("_", " ")
@@ -99,5 +119,58 @@ def contact_sheet(
         depth = measures.means()["penetration_max_mm"]
         words = f"{depth:.1f} mm deep, {int(measures.fingers)} tips"
         canvas.write(words, left + 8, top + cell + 19, colour=FAINT)
-    canvas.draw_scale("penetration", height * rows + 12)
+    canvas.draw_scale("penetration", bottom + 12)
+    return canvas.picture()
+
+
+def one_of_each_gesture(folder: Path) -> list[Gestures]:
+    """The first clip of everything that hands do in a folder of shards, in the order of `NAMES`."""
+    found: dict[int, Gestures] = {}
+    kind = gesture_shards.DEFAULTS
+    for path in [*find_shards(folder, "val", kind), *find_shards(folder, "train", kind)]:
+        shard = gesture_shards.gesture_shard(path)
+        for clip, number in enumerate(shard.gesture.amax(1).tolist()):
+            if number not in found:
+                found[number] = shard.take(slice(clip, clip + 1), "B")
+        if len(found) == len(NAMES):
+            break
+    return [found[number] for number in sorted(found)]
+
+
+def gesture_scene(clip: Gestures) -> Scene:
+    """A clip in its middle frame."""
+    at = torch.tensor([int(clip.length) // 2])
+    motion, skeleton = clip.motion.take(0 * at, "B"), clip.skeleton
+    still = motion[at]
+    body, one = still.map(lambda value: value[0]), skeleton.map(lambda value: value[0])
+    title = str(clip.joined[0, 0])
+    recording = BodyRecording(body, one, torch.zeros(3), FPS, title)
+    hands = Sequence(hand_tracks(one, body), ObjectTrack.resting((), 1), FPS, title)
+    return make_scene({"clip": hands}, body=recording)
+
+
+def hands_from_near(scene: Scene, frame: int, camera: Camera, side: int) -> Iterator[Picture]:
+    """A square picture of each hand, `side` pixels wide; the right hand comes first."""
+    for hand in reversed(scene.versions[0].hands):
+        near = Camera(camera.axes, hand.joints[frame].mean(0).numpy(), NEAR_RADIUS)
+        yield from draw(scene, frame, near, side, "plain")
+
+
+def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Picture:
+    """One body per clip, its right and its left hand beside it, and what is said of them below."""
+    width, height = BODY_CELL + BODY_CELL // 2 + BODY_GAP, BODY_CELL + TEXT_HEIGHT
+    corners = places(len(clips), BODY_COLUMNS, width, height)
+    across = width * min(BODY_COLUMNS, len(clips)) - BODY_GAP
+    canvas = Canvas(across, corners[-1][1] + height)
+    for clip, (left, top) in zip(steps(clips, on_step), corners, strict=True):
+        scene = gesture_scene(clip)
+        camera = cameras(scene, Look(up=scene.up).upward)[0]
+        (picture,) = draw(scene, 0, camera, BODY_CELL, "plain")
+        canvas.paste(picture, left, top)
+        for place, near in enumerate(hands_from_near(scene, 0, camera, BODY_CELL // 2)):
+            canvas.paste(near, left + BODY_CELL, top + place * (BODY_CELL // 2))
+        names = {NAMES[number] for number in clip.gesture[0].tolist()} - {NAMES[0]}
+        canvas.write(" + ".join(sorted(names)) or NAMES[0], left + 4, top + BODY_CELL + 2)
+        said = str(clip.joined[0, -1])
+        canvas.write(said[:LONGEST], left + 4, top + BODY_CELL + 19, size=11, colour=FAINT)
     return canvas.picture()

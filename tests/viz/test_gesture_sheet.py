@@ -4,8 +4,8 @@ import pytest
 
 from geneoh.synthesis.gestures.shards import DEFAULTS, synthesize_gestures
 from geneoh.synthesis.shards import write_shards
-from geneoh.viz.gesture_sheet import (
-    CELL,
+from geneoh.viz.sheet import (
+    BODY_CELL,
     TEXT_HEIGHT,
     gesture_scene,
     gesture_sheet,
@@ -37,6 +37,6 @@ def test_a_scene_shows_both_hands_and_the_limbs_of_the_middle_frame(clips):
 
 def test_the_sheet_has_a_cell_for_each_clip(clips):
     picture = gesture_sheet(clips[:2])
-    assert picture.shape[0] == CELL + TEXT_HEIGHT
-    assert picture.shape[1] > 2 * CELL
-    assert picture[:CELL, :CELL].std() > 5  # a body is drawn
+    assert picture.shape[0] == BODY_CELL + TEXT_HEIGHT
+    assert picture.shape[1] > 2 * BODY_CELL
+    assert picture[:BODY_CELL, :BODY_CELL].std() > 5  # a body is drawn

@@ -16,11 +16,10 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.contact_pads import OtherHands, contact_pads, hand_scale, hand_spheres
+from geneoh.synthesis.contact_pads import OtherHands, Table, contact_pads, hand_scale, hand_spheres
 from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.holding import unheld
 from geneoh.synthesis.solids import Solids
-from geneoh.synthesis.table import Table
 
 STILL = 1e-5  # metres in a frame below which an object rests
 ARM = 0.01  # metres at which a turn counts as motion

@@ -28,14 +28,13 @@ from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.contact_pads import OtherHands
+from geneoh.synthesis.contact_pads import OtherHands, Table
 from geneoh.synthesis.grasp_energy import GraspEnergy
 from geneoh.synthesis.grasps import GraspConfig, Grasps, settled_grasps
 from geneoh.synthesis.objects import scanned_object
 from geneoh.synthesis.scans import MeshFolder, build_scans
 from geneoh.synthesis.schedule import minimum_jerk
 from geneoh.synthesis.solids import Solids
-from geneoh.synthesis.table import Table
 
 REACH = 0.012
 """Distance from the surface within which a pad of the hand is brought to it, metres."""

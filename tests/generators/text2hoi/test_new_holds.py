@@ -13,8 +13,8 @@ from geneoh.generators.text2hoi.held_hands import FIRM, HeldHands, Holding, lift
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.mesh import from_trimesh
+from geneoh.synthesis.contact_pads import Table
 from geneoh.synthesis.pose_prior import FINGER_MEAN
-from geneoh.synthesis.table import Table
 
 RADIUS = 0.035
 TABLE = Table(torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([RADIUS]))
