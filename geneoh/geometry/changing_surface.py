@@ -2,16 +2,15 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
-from jaxtyping import Float, Float64, Int, Int64
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.geometry.distance import SurfaceQuery, first_hit, search_tree
+from geneoh.geometry.distance import SearchTree, SurfaceQuery
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import mirror_faces, mirror_points
-from geneoh.geometry.solid import as_arrays, winding_inside, winding_of
+from geneoh.geometry.solid import winding_inside, winding_of
 
 
 @dataclass(frozen=True)
@@ -38,13 +37,13 @@ class ChangingSurface(Bundle):
         low, high = self.verts.amin(1)[:, None], self.verts.amax(1)[:, None]
         boxed = ((points >= low) & (points <= high)).all(-1)
         for frame in torch.nonzero(boxed.movedim(-2, 0).flatten(1).any(1))[:, 0].tolist():
-            verts, faces = self._arrays(frame)
+            mesh = Mesh(self.verts[frame], self.faces)
             asked = points[..., frame, :, :].double().cpu().numpy()
             inside = boxed[..., frame, :].cpu().numpy()
-            inside[inside] = winding_inside(winding_of(verts, faces), asked[inside])
+            inside[inside] = winding_inside(winding_of(mesh), asked[inside])
             if not inside.any():
                 continue
-            found = search_tree(verts, faces).squared_distance(verts, faces, asked[inside])[2]
+            found = SearchTree(mesh).nearest(asked[inside])[2]
             at, ends = torch.from_numpy(inside).to(points.device), torch.from_numpy(found)
             away = ends.to(points) - points[..., frame, :, :][at]
             distance[..., frame, :][at] = -away.norm(dim=-1)
@@ -62,13 +61,7 @@ class ChangingSurface(Bundle):
         reach, normal = points.new_full((len(points),), torch.inf), direction.clone()
         for each in frame.unique().tolist():
             at = frame == each
-            verts, faces = self._arrays(each)
-            rays = (values[at].double().cpu().numpy() for values in (points, direction))
-            length, face = first_hit(search_tree(verts, faces), verts, faces, *rays)
-            outward = Mesh(self.verts[each], self.faces).face_normals().to(points)
-            reach[at] = torch.from_numpy(length).to(points)
-            normal[at] = outward[torch.from_numpy(face).clamp(min=0).to(points.device)]
+            mesh = Mesh(self.verts[each], self.faces)
+            reach[at], face = SearchTree(mesh).exits(points[at], direction[at])
+            normal[at] = mesh.face_normals().to(points)[face.to(points.device)]
         return reach, normal
-
-    def _arrays(self, frame: int) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray, "F 3"]]:
-        return as_arrays(Mesh(self.verts[frame], self.faces))

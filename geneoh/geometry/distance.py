@@ -51,6 +51,40 @@ def _query(points: Tensor, distance: Tensor, closest: Tensor, normal: Tensor) ->
     return SurfaceQuery(distance.to(points).reshape(points.shape[:-1]), closest, normal)
 
 
+class SearchTree:
+    """The boxes around the faces of a mesh, in which the nearest and those on rays are found."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        """Build them."""
+        self._mesh, self._boxes = as_arrays(mesh), igl.AABB()
+        self._boxes.init(*self._mesh)
+
+    def nearest(
+        self, points: Float64[np.ndarray, "N 3"]
+    ) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
+        """Squared distance of each point to the mesh, the face there, and the closest point."""
+        found = self._boxes.squared_distance(*self._mesh, np.ascontiguousarray(points))
+        squared, face, closest = map(np.asarray, found)
+        return squared, face.astype(np.int64), closest
+
+    def first_hit(
+        self, origin: Float64[np.ndarray, "N 3"], direction: Float64[np.ndarray, "N 3"]
+    ) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"]]:
+        """Metres along each ray of unit direction to the first face it meets, and its index; else
+        infinite and -1."""
+        face, reach, _ = self._boxes.intersect_ray_first(*self._mesh, origin, direction)
+        face = np.asarray(face, dtype=np.int64)
+        return np.where(face < 0, np.inf, reach), face
+
+    def exits(
+        self, points: Float[Tensor, "N 3"], direction: Float[Tensor, "N 3"]
+    ) -> tuple[Float[Tensor, " N"], Int[Tensor, " N"]]:
+        """As `first_hit`, of tensors; where a ray meets no face, any one is named."""
+        rays = (values.cpu().double().numpy() for values in (points, direction))
+        reach, face = map(torch.from_numpy, self.first_hit(*rays))
+        return reach.to(points), face.clamp(min=0)
+
+
 class SurfaceDistance:
     """Signed distance to one mesh, in its own frame; the search trees are built once and kept.
 
@@ -62,10 +96,9 @@ class SurfaceDistance:
         """Build the trees; seconds for 100,000 triangles and more."""
         self.mesh = mesh
         self.solid = build_solid(mesh)
-        self._verts, self._faces = as_arrays(self.solid.surface)
         self._normals = self.solid.surface.face_normals()
         self._on_devices: dict[torch.device, Any] = {}
-        self._tree = search_tree(self._verts, self._faces)
+        self.tree = SearchTree(self.solid.surface)
         self._coarse: CoarseDistance | None = None
         self._asked = 0  # points so far for which a grid would have been of use
 
@@ -112,12 +145,6 @@ class SurfaceDistance:
         normal = torch.where((distance < NEARLY_ON)[:, None], normals, apart / signed[:, None])
         return _query(points, signed, closest, normal)
 
-    def first_hit(
-        self, origin: Float64[np.ndarray, "N 3"], direction: Float64[np.ndarray, "N 3"]
-    ) -> Float64[np.ndarray, " N"]:
-        """Metres along each ray of unit direction to the surface; infinite where it meets none."""
-        return first_hit(self._tree, self._verts, self._faces, origin, direction)[0]
-
     def exits(
         self, points: Float[Tensor, "N 3"], direction: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
@@ -125,10 +152,8 @@ class SurfaceDistance:
 
         The distance is infinite and the normal meaningless where the ray meets no surface.
         """
-        rays = (values.cpu().double().numpy() for values in (points, direction))
-        reach, face = first_hit(self._tree, self._verts, self._faces, *rays)
-        normal = self._normals[torch.from_numpy(face).clamp(min=0)]
-        return torch.from_numpy(reach).to(points), normal.to(points)
+        reach, face = self.tree.exits(points, direction)
+        return reach, self._normals[face].to(points)
 
     def _coarse_distance(self, asked: int) -> CoarseDistance | None:
         """The grid of coarse distances, which is made when it will be worth its time.
@@ -143,14 +168,12 @@ class SurfaceDistance:
     def _exact(
         self, points: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
-        squared, face, closest = self._tree.squared_distance(
-            self._verts, self._faces, np.ascontiguousarray(points.numpy())
-        )
-        distance, closest = torch.from_numpy(squared).sqrt(), torch.from_numpy(closest)
+        squared, face, closest = map(torch.from_numpy, self.tree.nearest(points.numpy()))
+        distance = squared.sqrt()
         signed = torch.where(self._contains(points, distance), -distance, distance)
         normal = (points - closest) / signed[:, None]
         on_surface = (distance < ON_SURFACE)[:, None]
-        normal = torch.where(on_surface, self._normals[torch.as_tensor(face)], normal)
+        normal = torch.where(on_surface, self._normals[face], normal)
         return signed, closest, normal
 
     def _contains(
@@ -163,26 +186,6 @@ class SurfaceDistance:
         unsure = torch.nonzero(~sure)[:, 0]
         inside[unsure] = self.solid.contains(points[unsure])
         return inside
-
-
-def search_tree(verts: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> igl.AABB:
-    """The boxes around the faces of a mesh, in which the nearest and those on rays are found."""
-    tree = igl.AABB()
-    tree.init(verts, faces)
-    return tree
-
-
-def first_hit(
-    tree: igl.AABB,
-    verts: Float64[np.ndarray, "V 3"],
-    faces: Int64[np.ndarray, "F 3"],
-    origin: Float64[np.ndarray, "N 3"],
-    direction: Float64[np.ndarray, "N 3"],
-) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"]]:
-    """Metres along each ray to the first face it meets, and its index; else infinite and -1."""
-    face, reach, _ = tree.intersect_ray_first(verts, faces, origin, direction)
-    face = np.asarray(face, dtype=np.int64)
-    return np.where(face < 0, np.inf, reach), face
 
 
 @dataclass(frozen=True)

@@ -69,12 +69,10 @@ class Solid:
         return inside.to(points.device).reshape(points.shape[:-1])
 
 
-def winding_of(
-    verts: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]
-) -> igl.FastWindingNumberBVH:
+def winding_of(mesh: Mesh) -> igl.FastWindingNumberBVH:
     """The winding numbers of a mesh."""
     winding = igl.FastWindingNumberBVH()
-    winding.init(verts, faces)
+    winding.init(*as_arrays(mesh))
     return winding
 
 
@@ -107,7 +105,7 @@ def build_solid(mesh: Mesh) -> Solid:
         )
     body, patches = agreeing(without_copies(whole))
     body, sheets = with_walls(body, patches)
-    winding = winding_of(*as_arrays(body))
+    winding = winding_of(body)
     closed = not bool(open_edges(body.faces).any())
     surface = (
         outward_by_volume(body)
@@ -179,7 +177,7 @@ def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
     ]
     if not candidates:
         return mesh, 0
-    winding = winding_of(*as_arrays(mesh))
+    winding = winding_of(mesh)
     verts, kept = [mesh.verts], torch.ones(len(mesh.faces), dtype=torch.bool)
     walls, count, sheets = [], len(mesh.verts), 0
     for patch, caps in candidates:

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.geometry.distance import MovingSurface, SurfaceDistance, first_hit
+from geneoh.geometry.distance import MovingSurface, SearchTree, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, capped
 from geneoh.geometry.sampling import SurfaceSamples, sample_surface
 from geneoh.geometry.solid import as_arrays
@@ -63,18 +63,18 @@ def rays_meet(hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples) -> Bo
     points, normals = (x.cpu().double().numpy() for x in (samples.points, samples.normals))
     met = np.zeros(len(points), dtype=bool)
     around = (points > verts.min(0) - CONTACT_MAP) & (points < verts.max(0) + CONTACT_MAP)
-    near, tree = np.flatnonzero(around.all(-1)), igl.AABB()
-    if len(near):
-        tree.init(verts, faces)
-        # a ray is never shorter than the distance, so only near points can be in contact
-        squared = np.asarray(tree.squared_distance(verts, faces, points[near])[0])
-        near = near[squared <= CONTACT_MAP**2]
+    near = np.flatnonzero(around.all(-1))
+    if not len(near):
+        return torch.from_numpy(met)
+    tree = SearchTree(hand)
+    # a ray is never shorter than the distance, so only near points can be in contact
+    near = near[tree.nearest(points[near])[0] <= CONTACT_MAP**2]
     if not len(near):
         return torch.from_numpy(met)
     start = points[near]
     inside = np.abs(igl.winding_number(verts, faces, start)) > 0.5
     ahead = np.where(inside[:, None], -normals[near], normals[near])
-    reach, _ = first_hit(tree, verts, faces, start, ahead)
-    blocked = field.first_hit(start + RAY_OFFSET * ahead, ahead) + RAY_OFFSET < reach
+    reach, _ = tree.first_hit(start, ahead)
+    blocked = field.tree.first_hit(start + RAY_OFFSET * ahead, ahead)[0] + RAY_OFFSET < reach
     met[near] = (reach <= CONTACT_MAP) & ~blocked
     return torch.from_numpy(met)
