@@ -10,8 +10,17 @@ from typing import Any
 
 def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
     """All that is known of this installation, as JSON can hold it."""
-    parts = {"versions": versions(), "devices": devices()}
-    return parts | {"hands": hands(mano_dir), "weights": weights(), "generators": generators()}
+    from geneoh.denoisers import library as denoisers
+    from geneoh.generators.both2hands import library as both2hands
+    from geneoh.generators.text2hoi import library as text2hoi
+
+    return {
+        "versions": versions(),
+        "devices": devices(),
+        "hands": hands(mano_dir),
+        "weights": networks(denoisers.SHIPPED),
+        "generators": networks(text2hoi.SHIPPED) | networks(both2hands.SHIPPED),
+    }
 
 
 def versions() -> dict[str, Any]:
@@ -47,21 +56,6 @@ def hands(mano_dir: Path | None) -> dict[str, Any]:
         except GeneOHError as error:
             found[f"{source} {side}"] = {"problem": f"not available, {error}"}
     return found
-
-
-def weights() -> dict[str, Any]:
-    """The shipped networks of the cleaner."""
-    from geneoh.denoisers.library import SHIPPED
-
-    return networks(SHIPPED)
-
-
-def generators() -> dict[str, Any]:
-    """The shipped networks of the generators."""
-    from geneoh.generators.both2hands import library as both2hands
-    from geneoh.generators.text2hoi import library as text2hoi
-
-    return networks(text2hoi.SHIPPED) | networks(both2hands.SHIPPED)
 
 
 def networks(folder: Path) -> dict[str, Any]:

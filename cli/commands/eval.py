@@ -7,7 +7,7 @@ import click
 
 from geneoh.errors import numbered
 
-from .. import evaluations, generations, progress
+from .. import evaluations, progress
 
 
 @click.command()
@@ -36,7 +36,7 @@ def eval(
     from geneoh.workers.pool import cores
 
     if (asked.pop("generator"), asked.pop("refine"))[0] is not None:
-        return generations.score_generator(ctx)
+        return evaluations.score_generator(ctx)
     evaluations.refuse_unused(asked, inputs)
     how = {name: asked.pop(name) for name in ("fresh", "pages")}
     chosen = evaluations.evaluation_options(**asked)
