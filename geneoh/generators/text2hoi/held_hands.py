@@ -17,8 +17,8 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.contact_pads import OtherHands, Table, contact_pads, hand_scale, hand_spheres
+from geneoh.synthesis.grasp_checks import unheld
 from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
-from geneoh.synthesis.holding import unheld
 from geneoh.synthesis.solids import Solids
 
 STILL = 1e-5  # metres in a frame below which an object rests
@@ -27,7 +27,7 @@ LIFTED = 0.01  # metres by which an object is off the height at which it rests
 TRIES = 12  # grasps that are looked for at once
 TOUCH = 0.003  # distance from the surface at which a pad touches, metres
 FIRM = 0.5
-"""Share of a push from the worst side that a hold may leave unheld (`geneoh.synthesis.holding`)."""
+"""Share of a push from the worst side that a hold may leave unheld (`grasp_checks.unheld`)."""
 GRASPS = GraspConfig(grips=0)
 
 
