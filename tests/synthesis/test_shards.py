@@ -2,6 +2,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -36,6 +37,20 @@ from geneoh.synthesis.shards import (
 TINY = SynthesisConfig(count=6, frames=8, points=8, shard=2, grasps=ANY_GRASP)
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """The shards of seed 0, to be left as they are."""
+    folder = tmp_path_factory.mktemp("made")
+    write_shards(folder, TINY, seed=0)
+    return folder
+
+
+@pytest.fixture
+def data(made, tmp_path) -> Path:
+    """A copy of them, to be damaged."""
+    return Path(shutil.copytree(made, tmp_path / "data"))
+
+
 def contents(folder) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -53,37 +68,33 @@ def test_shards_are_split_and_counted(tmp_path):
     assert heard == [(1, 3), (2, 3), (3, 3)]
 
 
-def test_equal_seeds_give_equal_bytes(tmp_path):
-    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
+def test_equal_seeds_give_equal_bytes(made, tmp_path):
+    for name, seed in (("b", 0), ("c", 1)):
         write_shards(tmp_path / name, TINY, seed=seed)
-    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+    assert contents(made) == contents(tmp_path / "b")
     other = contents(tmp_path / "c")
-    assert all(other[name] != data for name, data in contents(tmp_path / "a").items())
+    assert all(other[name] != data for name, data in contents(made).items())
 
 
-def test_several_processes_write_the_bytes_of_one(tmp_path):
+def test_several_processes_write_the_bytes_of_one(made, tmp_path):
     heard = []
-    for name, jobs in (("one", 1), ("two", 2)):
-        write_shards(
-            tmp_path / name, TINY, seed=0, jobs=jobs, on_shard=lambda *at: heard.append(at)
-        )
-    assert contents(tmp_path / "one") == contents(tmp_path / "two")
-    assert heard == [(1, 3), (2, 3), (3, 3)] * 2
-    assert write_shards(tmp_path / "two", TINY, seed=0, jobs=2) == 0
+    write_shards(tmp_path, TINY, seed=0, jobs=2, on_shard=lambda *at: heard.append(at))
+    assert contents(tmp_path) == contents(made)
+    assert heard == [(1, 3), (2, 3), (3, 3)]
+    assert write_shards(tmp_path, TINY, seed=0, jobs=2) == 0
 
 
-def test_an_interrupted_run_makes_only_what_is_missing(tmp_path):
-    write_shards(tmp_path, TINY, seed=0)
-    whole = contents(tmp_path)
-    (tmp_path / "train_00001.safetensors").unlink()
-    left = tmp_path / ".train_00001.safetensors.0.tmp"
+def test_an_interrupted_run_makes_only_what_is_missing(data):
+    whole = contents(data)
+    (data / "train_00001.safetensors").unlink()
+    left = data / ".train_00001.safetensors.0.tmp"
     left.write_bytes(b"half written")
     os.utime(left, (0, 0))
-    kept = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.safetensors")}
-    assert write_shards(tmp_path, TINY, seed=0) == 1
-    assert contents(tmp_path) == whole
-    assert all((tmp_path / n).stat().st_mtime_ns == then for n, then in kept.items())
-    assert write_shards(tmp_path, TINY, seed=0) == 0
+    kept = {p.name: p.stat().st_mtime_ns for p in data.glob("*.safetensors")}
+    assert write_shards(data, TINY, seed=0) == 1
+    assert contents(data) == whole
+    assert all((data / n).stat().st_mtime_ns == then for n, then in kept.items())
+    assert write_shards(data, TINY, seed=0) == 0
 
 
 def test_held_out_families_are_in_validation_shards_only(tmp_path, monkeypatch):
@@ -119,9 +130,8 @@ def test_a_shard_is_filled_from_the_grasps_that_were_kept(monkeypatch):
     assert all(len(getattr(made, f.name)) == TINY.shard for f in fields(Interactions))
 
 
-def test_a_split_is_read_as_it_was_made(tmp_path):
-    write_shards(tmp_path, TINY, seed=0)
-    train, val = (read_shards(tmp_path, split).take(slice(None)) for split in ("train", "val"))
+def test_a_split_is_read_as_it_was_made(data):
+    train, val = (read_shards(data, split).take(slice(None)) for split in ("train", "val"))
     assert train.pose.shape == (4, 8, 16, 3)
     assert val.points.shape == (2, 8, 3)
     assert float(train.offsets.norm(dim=-1).std(0).min()) > 0, "people differ in size"
@@ -139,44 +149,38 @@ def test_a_split_is_read_as_it_was_made(tmp_path):
         ({}, 1, "seed 0 where 1 is asked for"),
     ],
 )
-def test_a_folder_of_another_config_or_seed_is_refused_and_left_alone(
-    tmp_path, change, seed, words
-):
-    write_shards(tmp_path, TINY, seed=0)
-    (tmp_path / "val_00000.safetensors").unlink()
-    before = contents(tmp_path)
+def test_a_folder_of_another_config_or_seed_is_refused_and_left_alone(data, change, seed, words):
+    (data / "val_00000.safetensors").unlink()
+    before = contents(data)
     with pytest.raises(InputError, match=f"was made with {words}; .* name another folder"):
-        write_shards(tmp_path, replace(TINY, **change), seed=seed)
-    assert contents(tmp_path) == before
+        write_shards(data, replace(TINY, **change), seed=seed)
+    assert contents(data) == before
 
 
-def test_shards_that_do_not_belong_together_are_not_read(tmp_path):
-    write_shards(tmp_path, TINY, seed=0)
+def test_shards_that_do_not_belong_together_are_not_read(data, tmp_path):
     write_shards(tmp_path / "other", TINY, seed=1)
     name = "train_00002.safetensors"
-    (tmp_path / "other" / name).replace(tmp_path / name)
+    (tmp_path / "other" / name).replace(data / name)
     with pytest.raises(InputError, match=f"{name}: was made with seed 1 where 0"):
-        read_shards(tmp_path, "train")
-    assert len(read_shards(tmp_path, "val")) == 2
+        read_shards(data, "train")
+    assert len(read_shards(data, "val")) == 2
 
 
 @pytest.mark.parametrize("kept", [0, 5, 200, -1])
-def test_a_truncated_shard_is_told_with_the_cure(tmp_path, kept):
-    write_shards(tmp_path, TINY, seed=0)
-    path = tmp_path / "train_00002.safetensors"
+def test_a_truncated_shard_is_told_with_the_cure(data, kept):
+    path = data / "train_00002.safetensors"
     path.write_bytes(path.read_bytes()[:kept])
     told = r"train_00002\.safetensors: expected a whole shard .* delete it and run"
     for act in (
-        lambda: read_shards(tmp_path, "train"),
-        lambda: write_shards(tmp_path, TINY, seed=0),
+        lambda: read_shards(data, "train"),
+        lambda: write_shards(data, TINY, seed=0),
     ):
         with pytest.raises(InputError, match=told):
             act()
 
 
 def damaged_shard(folder, name: str, at: tuple[int, ...], value: float) -> None:
-    """Shards in a folder, the one for validation with another value in one of its tensors."""
-    write_shards(folder, TINY, seed=0)
+    """Give the shard for validation another value in one of its tensors."""
     path = folder / "val_00000.safetensors"
     tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
     tensors[name][at] = value
@@ -184,24 +188,24 @@ def damaged_shard(folder, name: str, at: tuple[int, ...], value: float) -> None:
 
 
 @pytest.mark.parametrize("number", [1e5, float("nan"), float("-inf")])
-def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, number):
-    damaged_shard(tmp_path, "wrist", (1, 3), number)
+def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(data, number):
+    damaged_shard(data, "wrist", (1, 3), number)
     with pytest.raises(InputError, match="got numbers beyond 1000 in 'wrist'; delete it"):
-        read_shards(tmp_path, "val")
+        read_shards(data, "val")
 
 
 @pytest.mark.parametrize(("name", "at"), [("offsets", (1, 4)), ("rotation", (0, 3, 0))])
-def test_a_shard_without_bones_or_with_rotations_that_are_none_is_told(tmp_path, name, at):
-    damaged_shard(tmp_path, name, at, 0.0)
+def test_a_shard_without_bones_or_with_rotations_that_are_none_is_told(data, name, at):
+    damaged_shard(data, name, at, 0.0)
     with pytest.raises(InputError, match=r"got (bones of 0|rotations whose rows)"):
-        read_shards(tmp_path, "val")
+        read_shards(data, "val")
 
 
 @pytest.mark.parametrize("part", [-1, 2, 2**40])
-def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, part):
-    damaged_shard(tmp_path, "part", (0, 0), part)
+def test_a_shard_with_points_of_parts_that_are_not_there_is_told(data, part):
+    damaged_shard(data, "part", (0, 0), part)
     with pytest.raises(InputError, match="numbers in 'part' that are not from 0 to 1"):
-        read_shards(tmp_path, "val")
+        read_shards(data, "val")
 
 
 def test_a_record_with_a_seed_that_is_no_number_is_told_with_the_cure(tmp_path):
@@ -275,10 +279,10 @@ def test_each_split_has_a_shard(share):
     assert {config.split_of(index) for index in range(config.shards)} == {"train", "val"}
 
 
-def test_clips_of_another_kind_are_told_as_what_they_are(tmp_path):
+def test_clips_of_another_kind_are_told_as_what_they_are(made, tmp_path):
     write_actions(tmp_path / "actions")
     write_gesture_shards(tmp_path / "bodies", train=made_gestures(2))
-    write_shards(tmp_path / "interactions", TINY, seed=0)
+    shutil.copytree(made, tmp_path / "interactions")
     readers = {
         "interactions": read_shards,
         "actions": read_actions,
