@@ -87,7 +87,7 @@ def _between(limits: Float[Tensor, "B C 2"], draws: Draws) -> Float[Tensor, "B C
     return low + (high - low) * draws.share(1)
 
 
-def _draw_attempts(
+def random_attempts(
     offsets: Float[Tensor, "B 20 3"], config: GraspConfig, draws: Draws
 ) -> tuple[GraspAttempt, Float[Tensor, "B 15 3"]]:
     """Random attempts, and the fingers with which they start."""
@@ -199,7 +199,7 @@ def synthesize_grasps(
     over the table and out of other hands, if there are any.
     """
     config, draws = config or GraspConfig(), Draws(len(offsets), generator)
-    attempt, fingers = _draw_attempts(offsets, config, draws)
+    attempt, fingers = random_attempts(offsets, config, draws)
     attempt = replace(attempt, table=table, other=other)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
     start = _starts(solids, attempt, fingers, toward, config, draws)

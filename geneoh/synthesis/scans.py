@@ -124,9 +124,8 @@ class Scans(MeshFolder):
         order = torch.rand(len(which), SAMPLES, generator=generator)
         if to_grasp:  # the first of arrivals whose rates are the weights
             order = order.log().neg() / self.grasped[which]
-        chosen = order.argsort(1)[
-            :, torch.arange(count) % SAMPLES
-        ]  # again from the first where there are fewer
+        # again from the first where there are fewer
+        chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]
         return self.points[which[:, None], chosen], self.normals[which[:, None], chosen]
 
 

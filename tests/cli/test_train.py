@@ -26,7 +26,7 @@ def test_clips_without_a_sheet_are_whole_all_the_same(geneoh, tmp_path, monkeypa
     def none(*_):
         raise NoFirstGraspsError("val_00000.safetensors: expected other hands")
 
-    monkeypatch.setattr("geneoh.viz.gesture_sheet.sheet_of", none)
+    monkeypatch.setattr("geneoh.viz.sheet.sheet_of", none)
     made = geneoh("synthesize", *SHARDS, "-o", "clips", settings=ANYTHING)
     assert "note: no sheet is drawn of val_00000.safetensors: expected" in made.stdout
     assert "2 shards made" in made.stdout

@@ -11,11 +11,13 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics
 from geneoh.synthesis.contact_pads import BONE_RADIUS, contact_pads, hand_scale
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasp_checks import GraspChecks
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import (
     GraspConfig,
     Grasps,
+    random_attempts,
     shifted_grips,
     synthesize_grasps,
 )
@@ -108,9 +110,7 @@ def test_pads_lie_on_the_skin_and_face_away_from_it():
 def test_kinds_are_drawn_by_their_shares():
     shares = torch.tensor([kind.share for kind in GRASP_TYPES])
     torch.testing.assert_close(shares.sum(), torch.tensor(1.0))
-    ball = draw_objects(["ball"], generator=seeded(4))
-    solids = ball.take(torch.zeros(600, dtype=torch.long), "B")
-    tried = synthesize_grasps(solids, offsets(600), GraspConfig(steps=1), generator=seeded(1))
+    tried, _ = random_attempts(offsets(600), GraspConfig(), Draws(600, seeded(1)))
     found = torch.bincount(tried.types, minlength=len(GRASP_TYPES)) / 600
     assert float((found - shares).abs().max()) < 0.06
     assert float(found.min()) > 0.02
