@@ -45,11 +45,6 @@ def refuse_others(body: Path | None, obj: Path | None) -> None:
         raise click.UsageError("--refine paper has no meaning with --body")
 
 
-def without_reading(chosen: dict[str, Any]) -> dict[str, Any]:
-    """The parameters that do not say how a body is read."""
-    return {name: value for name, value in chosen.items() if name not in FOR_BODIES}
-
-
 def make_hands(
     sentence: str,
     body: Path,

@@ -110,7 +110,8 @@ def generate(
     from .. import reports
 
     mesh = load_mesh(obj, unit=unit)
-    asked = GenerateOptions(up=chosen.pop("up") or "z", **bodies.without_reading(chosen))
+    own = {name: value for name, value in chosen.items() if name not in bodies.FOR_BODIES}
+    asked = GenerateOptions(up=own.pop("up") or "z", **own)
     with progress.progress_bars() as on_progress:
         made = generate(prompt_text(sentence), mesh, asked, on_progress=on_progress)
     save_generated(made, output)

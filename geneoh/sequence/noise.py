@@ -42,12 +42,9 @@ DEPTH_FRAMES, CAMERA_FRAMES = 15.0, 8.0
 class Sizes:
     """Scale of the noise on each kind of parameter."""
 
-    translation: float
-    """Metres."""
-    orientation: float
-    """Radians, on each component of the global axis-angle."""
-    fingers: float
-    """Radians, on each component of the finger joints' axis-angle."""
+    translation: float  # metres
+    orientation: float  # radians, on each component of the global axis-angle
+    fingers: float  # radians, on each component of the finger joints' axis-angle
 
     def scale(self, unit: Float[Tensor, "*B 51"]) -> Float[Tensor, "*B 51"]:
         """Unit noise on 3 translations, 3 global and 45 finger angles, scaled to these sizes."""

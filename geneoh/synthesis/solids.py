@@ -149,9 +149,8 @@ class Solids(Bundle):
         points = self.size.new_zeros(len(scanned), count, 3)
         normals = points.clone()
         if not bool(scanned.all()):
-            simple = self.take(~scanned, "B")
-            found = simple._projected(count, generator=generator)
-            points[~scanned], normals[~scanned] = found
+            simple = self.take(~scanned, "B")._projected(count, generator=generator)
+            points[~scanned], normals[~scanned] = simple
         which, scale = self.scan[scanned], self.size[scanned, :1]
         there, outward = self.scans.draw_points(
             which, count, generator=generator, to_grasp=to_grasp
