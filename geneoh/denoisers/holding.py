@@ -12,19 +12,29 @@ from geneoh.denoisers.spatial import SPEED_UNIT, object_noise_of, relative_speed
 HELD_SPEED = 0.001
 """By how much the object at the hand must be faster than the hand is over it for a frame to count
 as held for certain, metres a frame: an object that passes by is not held."""
+REACHES, OFF = 0.008, 0.03
+"""Speed over the object, metres a frame, and distance from it, metres, that a hand which holds it
+does not have both; half of each is no sign. In the view of a camera that moves, the object moves
+while the hand reaches for it."""
 
 
 def holding(
     joints: Float[Tensor, "B T 21 3"],
     rotation: Float[Tensor, "B T Q 3 3"],
     translation: Float[Tensor, "B T Q 3"],
+    apart: Float[Tensor, "B T"] | None = None,
 ) -> Float[Tensor, "B T Q"]:
-    """How surely each hand holds each part of an object, 0 to 1: both move, and together."""
+    """How surely each hand holds each part of an object, 0 to 1: both move, and together.
+
+    `apart` is how far the nearest keypoint is from the object, metres; None for hands at it.
+    """
+    off = 0.0 if apart is None else (2 * apart / OFF - 1).clamp(0, 1)
     held = []
     for part in zip(rotation.unbind(2), translation.unbind(2), strict=True):
         speeds = SPEED_UNIT * torch.expm1(relative_speeds(joints, *part))
         carried, over = speeds[..., 0], speeds[..., 2]
-        held.append(((carried - over) / HELD_SPEED).clamp(0, 1))
+        reaches = off * (2 * over / REACHES - 1).clamp(0, 1)
+        held.append(((carried - over) / HELD_SPEED).clamp(0, 1) * (1 - reaches))
     return torch.stack(held, dim=-1)
 
 

@@ -181,7 +181,8 @@ class StageContext(ObjectSurface):
         Float[Tensor, "T 3"], Float[Tensor, "T Q 3 3"], Float[Tensor, "T Q 3"], Float[Tensor, "T Q"]
     ]:
         """The middle of a hand, the motion of the object's parts, and how surely it holds each."""
-        held = holding(joints[None], self.rotation[None], self.translation[None])[0]
+        apart = (self.nearest_surface(joints)[0] - joints).norm(dim=-1).amin(-1)
+        held = holding(joints[None], self.rotation[None], self.translation[None], apart[None])[0]
         if self.relied is not None:
             held = held * self.relied[:, None]
         return joints.mean(1), self.rotation, self.translation, held

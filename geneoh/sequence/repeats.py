@@ -19,7 +19,7 @@ from geneoh.sequence.windows import runs
 LEAP, LEVER = 0.002, 0.07
 """Metres of a step from which on the object moves, and metres for which a change of its rotation
 matrix counts: by √2 for each radian, which moves a point that is 10 cm off by as much as 10 cm."""
-FEWEST, LONGER = 5, 2
+FEWEST, LONGER = 3, 2
 """Stops between leaps that are no chance, and how many times their median length one may last: a
 longer one is a rest."""
 
