@@ -28,9 +28,12 @@ _SIDES = rf"{MY}(left|right)( hand)?"
 _BOTH = re.compile(
     rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
     rf"|\bboth\b(?! \w+s\b)|\b(with|using|by|between) {MY}hands\b|\b(in)?to the other hand\b"
-    rf"|{_SIDES} and {_SIDES}\b|(left|right) hand\b.*\b(and|while)\b.*(left|right) hand\b"
+    rf"|\b(left)( hand)? and {MY}right\b|\b(right)( hand)? and {MY}left\b"
+    rf"|\b(left) hand\b.*\b(and|while)\b.*\bright hand\b"
+    rf"|\b(right) hand\b.*\b(and|while)\b.*\bleft hand\b"
     rf"|\bfrom {MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {MY}\w+ hand\b"
 )
+_TO_ITSELF = re.compile(rf"\bfrom {MY}(left|right) hand\b.*\b(?:in)?to {MY}\1 hand\b")
 _WITH_ONE = re.compile(rf"\b(with|using|by) {MY}(left|right)\b")
 _ONE: dict[HandsName, re.Pattern[str]] = {
     hands: re.compile(
@@ -195,6 +198,11 @@ def asked_hands(
 ) -> tuple[HandsName, tuple[str, ...]]:
     """The hands that a sentence asks for: by its words, else as our encoder reads it."""
     said = " ".join(words)
+    if found := _TO_ITSELF.search(said):
+        raise InputError(
+            f"prompt '{shortened(sentence, 60)}': expected two hands to pass something between, "
+            f"found the {found[1]} hand twice; name the other one, or leave out where it goes"
+        )
     passed = verb == "pass" and asked_giver(said) and not _WITH_ONE.search(said)
     if passed or _BOTH.search(said):
         return "both hands", ()

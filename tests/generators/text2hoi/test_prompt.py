@@ -73,6 +73,28 @@ def test_a_direction_of_passing_is_read(start, end):
     assert read_prompt(f"Carry it from {start} to {end} with both hands.").giver is None
 
 
+@pytest.mark.parametrize(
+    ("sentence", "both"),
+    [
+        ("lift it with the left hand and the left hand", True),
+        ("the left hand and left hand lift it", True),
+        ("lift it with my left and left hand", True),
+        ("the left hand lifts the mug and the left hand shakes it", True),
+        ("lift it with the left hand with the left hand", False),
+    ],
+)
+def test_a_hand_that_is_named_twice_is_one_hand(sentence, both):
+    assert read_prompt(sentence).hands == "left hand"
+    if both:  # the same with one of each
+        assert read_prompt(sentence.replace("left", "right", 1)).hands == "both hands"
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_a_hand_passes_to_itself_is_refused(side):
+    with pytest.raises(InputError, match=f"found the {side} hand twice"):
+        read_prompt(f"Pass the mug from the {side} hand to the {side} hand.")
+
+
 def test_two_hands_that_contradict_each_other_are_refused():
     with pytest.raises(InputError, match=r"write 'both hands', or name one"):
         read_prompt("With the left hand lift the mug with the right hand.")
