@@ -64,6 +64,7 @@ from .. import bodies, options, progress
 )
 @bodies.reading_options
 @options.seed
+@options.device
 def generate(
     sentence: str,
     obj: Path | None,

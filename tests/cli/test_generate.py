@@ -51,6 +51,12 @@ def test_the_clip_is_written_beside_the_mesh_and_told(generate, made):
     assert (options.frames, options.seed, options.refine) == (40, 3, "geneoh")
 
 
+def test_the_device_that_is_named_is_asked_for(generate, made):
+    generate(SENTENCE, "--obj", "box.obj", "--device", "cuda:7")
+    ((_, options),) = made
+    assert options.device == "cuda:7"
+
+
 def test_a_verb_that_was_never_learned_is_told_with_the_nearest(generate, made):
     result = generate("brush the box with the left hand", "--obj", "box.obj")
     assert "note: 'brush' was never learned; the nearest verb is" in result.output

@@ -44,6 +44,11 @@ def test_each_format_is_written_by_its_ending(geneoh, folder):
     assert "right hand" in trimesh.load_scene(folder / "a.glb").geometry
 
 
+def test_a_device_that_is_not_there_is_told(geneoh, folder):
+    result = geneoh("generate", "--body", "walk.npz", SENTENCE, "--device", "nothing", code=2)
+    assert "--device nothing: expected a device of this machine" in result.stderr
+
+
 def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch):
     seen = []
 

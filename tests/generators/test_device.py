@@ -1,18 +1,24 @@
 """The generators on another device: a pretended one, and CUDA where there is a GPU."""
 
+import bodies
 import pytest
 import torch
+import trimesh
 from made_actions import WordEncoder, made_actions
 from made_bodies import SKELETON, made_motion, tiny_networks
 from made_networks import TINY, answering
 from made_tasks import ALL_STAGES, made_task
 
+from geneoh.generators.both2hands import on_body
 from geneoh.generators.both2hands import sampling as hands
+from geneoh.generators.text2hoi import generate as acting
 from geneoh.generators.text2hoi import sampling as interactions
 from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.generate import GenerateOptions
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.geometry.mesh import from_trimesh
 from geneoh.training import loop
 from geneoh.training.loop import train
 
@@ -58,6 +64,52 @@ def test_interactions_are_generated_alike_on_every_device(device):
     there, here = made(device), made(CPU)
     torch.testing.assert_close(there.wrist, here.wrist, atol=1e-4, rtol=0)
     torch.testing.assert_close(there.translation, here.translation, atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "refine"),
+    [("Lift the box.", "paper"), ("Pass the box from the left hand to the right hand.", "none")],
+)
+def test_a_sentence_is_acted_out_on_the_device_that_is_named(device, monkeypatch, sentence, refine):
+    length = LengthNetwork(LengthConfig(text=WordEncoder.width)).eval()
+    contact, interaction = ContactNetwork(TINY.contact).eval(), answering(TINY.interaction)
+
+    def loaded(folder, *, text_encoder, device):
+        heard.append(str(device))
+        return Networks(WordEncoder(), contact.to(device), interaction.to(device), length)
+
+    heard = list[str]()
+    monkeypatch.setattr(acting, "load_networks", loaded)
+    mesh = from_trimesh(trimesh.creation.box((0.05, 0.06, 0.1)))
+
+    def made(place):
+        asked = GenerateOptions(frames=20, steps=3, draws=2, refine=refine, device=place)
+        return acting.generate(sentence, mesh, asked)
+
+    there, here = made(str(device)), made("cpu")
+    assert heard == [str(device), "cpu"]
+    assert there.contact.device == there.sequence.hands[0].valid.device == CPU
+    torch.testing.assert_close(there.contact, here.contact, atol=1e-4, rtol=0)
+    joints = (each.sequence.hands[0].joints for each in (there, here))
+    torch.testing.assert_close(*joints, atol=1e-4, rtol=0)
+
+
+def test_hands_are_given_to_a_body_on_the_device_that_is_named(device, monkeypatch):
+    def loaded(folder, *, text_encoder, device):
+        networks = tiny_networks()
+        for network in (networks.body, networks.text, networks.blend):
+            network.to(device)
+        return networks
+
+    monkeypatch.setattr(on_body, "load_networks", loaded)
+
+    def made(place):
+        asked = on_body.BodyOptions(steps=2, device=place)
+        return on_body.generate_on_body("the right hand waves", bodies.recording(), asked)
+
+    there, here = (made(place).body.motion.rotations for place in (str(device), "cpu"))
+    assert there.device == CPU
+    torch.testing.assert_close(there, here, atol=1e-4, rtol=0)
 
 
 def test_hands_of_a_body_are_generated_alike_on_every_device(device):

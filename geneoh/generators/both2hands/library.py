@@ -46,7 +46,12 @@ class Networks(Branches):
     blend: Blender
 
 
-def load_networks(folder: Path | None = None, *, text_encoder: Path | None = None) -> Networks:
+def load_networks(
+    folder: Path | None = None,
+    *,
+    text_encoder: Path | None = None,
+    device: torch.device | str = "cpu",
+) -> Networks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of the CLIP or sentence-transformers model that networks were
@@ -70,7 +75,8 @@ def load_networks(folder: Path | None = None, *, text_encoder: Path | None = Non
             "got others; train it again with `geneoh train --stage blend` in the folder that holds "
             "those"
         )
-    return Networks(branches.body, branches.text, branches.speech, blend)
+    body, text = branches.body.to(device), branches.text.to(device)
+    return Networks(body, text, branches.speech, blend.to(device))
 
 
 def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:

@@ -20,6 +20,7 @@ from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words
 from geneoh.geometry.rotations import axis_angle_to_matrix, turn_up
 from geneoh.modes import undisturbed
+from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
@@ -49,6 +50,9 @@ class BodyOptions:
     """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
     seed: int = 0
     """Seed of all random numbers; another one makes other hands."""
+    device: str = "cpu"
+    """Device that the networks and the cleaner run on, as torch names it. What is made is on the
+    CPU."""
 
     def __post_init__(self) -> None:
         """Take paths given as text, and refuse values that no setting has."""
@@ -104,11 +108,12 @@ def generate_on_body(
 
     Raises:
         InputError: the sentence is empty, too long or not English, or the file holds no body.
-        ConfigError: these are no options.
+        ConfigError: these are no options, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
     asked, sentence = BodyOptions() if options is None else options, " ".join(sentence.split())
     options = given_options(asked, BodyOptions, "geneoh.generate_on_body")
+    device = named_device(options.device)
     check_sentence(sentence)
     if not isinstance(held, ObjectTrack | None):
         raise InputError(
@@ -124,14 +129,14 @@ def generate_on_body(
         body = replace(body, notes=(*body.notes, note))
     paced = at_rate(body, FPS)
     made = generate_hands(
-        grounded(paced.skeleton, paced.motion),
+        grounded(paced.skeleton, paced.motion).to(device),
         paced.skeleton,
         sentence,
         steps=options.steps,
         generator=torch.Generator().manual_seed(options.seed),
-        networks=load_networks(options.weights, text_encoder=options.text_encoder),
+        networks=load_networks(options.weights, text_encoder=options.text_encoder, device=device),
         on_step=on_progress and partial(on_progress, "hands"),
-    )
+    ).to("cpu")
     fingers = over_frames(made, body.frames).rotations[:, BODY_JOINTS:]
     body = replace(body, motion=with_other_fingers(body.motion, fingers), has_fingers=True)
     sequence = Sequence(
@@ -142,7 +147,8 @@ def generate_on_body(
     )
     if held is None or not held.meshes or options.refine == "none":
         return BodyWithHands(body, sequence, sentence, None)
-    sequence, refined = cleaned(sequence, Options(seed=options.seed), on_progress)
+    cleaning = Options(seed=options.seed, device=options.device)
+    sequence, refined = cleaned(sequence, cleaning, on_progress)
     return BodyWithHands(with_hands(body, sequence), sequence, sentence, refined)
 
 

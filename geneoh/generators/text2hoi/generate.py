@@ -24,6 +24,7 @@ from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
 from geneoh.geometry.mesh import Mesh, mesh_of
 from geneoh.modes import undisturbed
+from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
@@ -61,6 +62,9 @@ class GenerateOptions:
     """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
     seed: int = 0
     """Seed of all random numbers; another one makes another interaction."""
+    device: str = "cpu"
+    """Device that the networks and the cleaner run on, as torch names it. What is made is on the
+    CPU."""
 
     def __post_init__(self) -> None:
         """Take paths given as text, and refuse values that no setting has."""
@@ -106,20 +110,21 @@ def generate(
     Raises:
         InputError: the sentence is empty, not English or contradicts itself, or the object is too
             large or too small for hands.
-        ConfigError: these are no options.
+        ConfigError: these are no options, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
     asked = GenerateOptions() if options is None else options
     options = given_options(asked, GenerateOptions, "geneoh.generate")
+    device = named_device(options.device)
     prompt = read_prompt(sentence, frames=options.frames)
-    networks = load_networks(options.weights, text_encoder=options.text_encoder)
+    networks = load_networks(options.weights, text_encoder=options.text_encoder, device=device)
     mesh = mesh_of(mesh, "m")
     stood = stand(mesh, options.up, generator=seeded_generator(options.seed, "points"))
     objects = objects_of(stood)
     frames = options.frames or prompt.frames or length_of(networks, prompt, options)
     actions, contact = sample(
         networks,
-        objects,
+        objects.to(device),
         [prompt.told],
         [prompt.hands],
         torch.tensor([frames]),
@@ -128,6 +133,7 @@ def generate(
         giver=[prompt.giver],
         on_step=on_progress and partial(on_progress, "motion"),
     )
+    actions, contact = actions.to("cpu"), contact.to("cpu")
     notes: tuple[str, ...] = ()
     if missed_motion(actions) > 0:
         fault = "hands are not at the object all the while it is to move, and it rests without them"
@@ -143,7 +149,7 @@ def generate(
     sequence, refined = placed(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
         # no tracker can have lost these hands: one that stands still at its object is meant to
-        cleaning = Options(trust_object=True, seed=options.seed)
+        cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
         refined = clean_interaction(sequence, cleaning, on_progress)
         # the cleaner may leave a hand that is on its way at either end
         time = eased_time(frames, torch.tensor([[frames - 1.0]]))[0]

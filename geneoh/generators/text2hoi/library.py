@@ -40,7 +40,12 @@ class Networks:
     length: LengthNetwork
 
 
-def load_networks(folder: Path | None = None, *, text_encoder: Path | None = None) -> Networks:
+def load_networks(
+    folder: Path | None = None,
+    *,
+    text_encoder: Path | None = None,
+    device: torch.device | str = "cpu",
+) -> Networks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of another text encoder, with which the networks were trained.
@@ -53,8 +58,8 @@ def load_networks(folder: Path | None = None, *, text_encoder: Path | None = Non
     text = encoder_of(folder, text_encoder)
     return Networks(
         text,
-        told_network("contact", folder, text, ContactNetwork, ContactConfig),
-        told_network("interaction", folder, text, InteractionNetwork, InteractionConfig),
+        told_network("contact", folder, text, ContactNetwork, ContactConfig).to(device),
+        told_network("interaction", folder, text, InteractionNetwork, InteractionConfig).to(device),
         told_network("length", folder, text, LengthNetwork, LengthConfig),
     )
 

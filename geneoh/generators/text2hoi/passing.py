@@ -57,7 +57,7 @@ def passed_by(actions: Actions, asked: Sequence[Side | None], draws: int = 1) ->
     """
     sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in asked])
     told, lead = sign.nonzero()[:, 0], torch.zeros(len(sign), dtype=torch.float64)
-    lead[told] = sign[told] * leads(actions.take(told, "B"))
+    lead[told] = sign[told] * leads(actions.take(told, "B").to("cpu"))
     lead = lead.unflatten(0, (-1, draws))
     clear = (lead > 0) & (lead >= lead.amax(1, keepdim=True) / 2)
     return (clear.flatten() | (sign == 0)).to(actions.wrist.device)
