@@ -90,6 +90,7 @@ eval_options = options.together(
     options.hand,
     options.mano,
     options.weights,
+    options.device,
     many(
         "--set settings: Change a setting of the protocol, such as windows=whole; may be repeated.",
         metavar="NAME=VALUE",
@@ -104,7 +105,7 @@ eval_options = options.together(
 )
 """All options of `geneoh eval`."""
 
-OF_GENEOH = ("presets", "ablations", "samples", "selection", "pages")
+OF_GENEOH = ("presets", "ablations", "samples", "selection", "device", "pages")
 LEARNED = {"toch", "regression", "one-call", "geneoh"}
 """Methods that have weights."""
 OF_SCORES = (
@@ -139,9 +140,11 @@ def evaluation_options(
     """What was asked for, as the library takes it."""
     from geneoh.config import configured
     from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
+    from geneoh.nn.devices import named_device
     from geneoh.pipeline.options import Options
 
-    ours = {name: asked.pop(name) for name in ("samples", "selection", "hand", "weights")}
+    named_device(asked["device"])
+    ours = {n: asked.pop(n) for n in ("samples", "selection", "hand", "weights", "device")}
     protocol = configured(ProtocolOptions(mano_dir=mano), settings=settings)
     return EvaluationOptions(**asked, protocol=protocol, cleaner=Options(**ours, mano_dir=mano))
 

@@ -4,6 +4,9 @@ import json
 
 import pytest
 
+from geneoh.errors import InputError
+from geneoh.evaluation import runner
+
 CLIPS = ("--dataset", "synthetic", "--limit", 1, "--noise", "gauss", "--set", "frames=6")
 SMALL = (*CLIPS, "--close-frames", 2, "--jobs", 1)
 
@@ -89,6 +92,20 @@ def test_a_hand_model_that_is_missing_is_told_before_any_work(geneoh, monkeypatc
     assert "MANO_RIGHT.pkl: no folder is given" in done.stderr
 
 
+def test_the_device_that_is_named_is_that_of_the_cleaner(geneoh, monkeypatch):
+    asked = []
+
+    def pretended(options, folder, **how):
+        asked.append(options.cleaner.device)
+        raise InputError("enough")
+
+    monkeypatch.setattr(runner, "evaluate", pretended)
+    geneoh("eval", *SMALL, "--device", "cpu:0", code=2)
+    assert asked == ["cpu:0"]
+    done = geneoh("eval", *SMALL, "--device", "nothing", code=2)
+    assert "--device nothing: expected a device of this machine" in done.stderr
+
+
 def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
     done = geneoh("eval", "--dataset", "taco", "--set", "window=all", code=2)
     assert "did you mean 'windows'" in done.stderr
@@ -99,6 +116,7 @@ def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
     [
         ((*CLIPS, "--inputs", "in", "--fresh"), "--fresh has no meaning with --inputs"),
         ((*CLIPS, "--method", "input", "--pages"), "--pages needs --method geneoh too"),
+        ((*CLIPS, "--method", "input", "--device", "cuda"), "--device needs --method geneoh too"),
         ((*CLIPS, "--method", "input", "--weights", "."), "--weights needs a --method that has"),
         ((*CLIPS, "--refine", "geneoh"), "--refine needs --generator"),
         ((*CLIPS, "--root", "."), "--root has no meaning with --dataset synthetic"),
