@@ -7,7 +7,7 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import BODY_SOURCES, BODY_STAGES, GENERATOR_STAGES, STAGES
+from geneoh.choices import BODY_SOURCES, BODY_STAGES, GENERATOR_STAGES, SEED_LIMITS, STAGES
 from geneoh.errors import ConfigError
 
 from .. import options, progress
@@ -35,6 +35,10 @@ BODIES = "runs/bodies"
 @options.folder
 @options.config_and_settings
 @options.option(
+    "--seed: Seed of the first weights and of every batch.  [default: the configuration's]",
+    click.IntRange(*SEED_LIMITS),
+)
+@options.option(
     "--start: Weights to go on from instead of random ones: the shipped ones, or those of a "
     "folder. The configuration is then `finetune`, if no other is named.",
     options.FOLDER,
@@ -53,7 +57,9 @@ BODIES = "runs/bodies"
 )
 @options.option("--threads: CPU threads; default: chosen by torch.", options.COUNT)
 @options.device
-def train(config: str | None, threads: int | None, device: str, **chosen: Any) -> None:
+def train(
+    config: str | None, seed: int | None, threads: int | None, device: str, **chosen: Any
+) -> None:
     """Train a stage. An interrupted run continues when it is started again with the same folder.
 
     Writes STAGE.safetensors, the state of the run and STAGE_log.csv (loss, error left on held-out
@@ -90,6 +96,8 @@ def train(config: str | None, threads: int | None, device: str, **chosen: Any) -
     if threads is not None:
         torch.set_num_threads(threads)
     stage, folder = chosen["stage"], chosen["folder"]
+    if seed is not None:
+        chosen["settings"] = (*chosen["settings"], f"seed={seed}")
     asked = Asked(config or ("finetune" if chosen["start"] else stage), **chosen)
     others = generator_task if stage in GENERATOR_STAGES else cleaner_task
     make = body_task if stage in BODY_STAGES else others

@@ -53,6 +53,19 @@ def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneo
         assert len(log) == 2
 
 
+def test_the_seed_of_a_run_is_the_one_that_is_named(geneoh, monkeypatch):
+    seeds = []
+
+    def trained(task, folder, **_):
+        seeds.append(task.config.seed)
+        return folder
+
+    monkeypatch.setattr("geneoh.training.loop.train", trained)
+    geneoh("train", "--stage", "text")
+    geneoh("train", "--stage", "text", "--seed", 7)
+    assert seeds == [0, 7]
+
+
 def test_training_on_a_fresh_machine_makes_its_data_first(geneoh, tmp_path):
     few = ("count=2", "shard=1", "points=64", *ANYTHING)
     few = tuple(f"synthesis.{setting}" for setting in few)
