@@ -170,8 +170,9 @@ class ClipParts:
     """When the frames were taken, where that may be uneven; `fps` is then of even ones."""
     convention: ManoConvention | None = None
     """How the source uses MANO, where that is not the same in all of its clips."""
-    camera: Place | None = None
-    """Position of the camera from whose images the hands were estimated, metres, where known."""
+    camera: Place | Array | None = None
+    """Position of the camera from whose images the hands were estimated, or (T, 3) positions of one
+    that moves, metres, world, where known."""
 
 
 Parts = Iterator[ClipParts]

@@ -97,7 +97,7 @@ class DatasetReader:
         refuse_other_frames(where, sequence, checks)
         camera = parts.camera if options.camera is None else options.camera
         if camera is not None:
-            place = torch.tensor([camera], dtype=torch.float32)
+            place = torch.from_numpy(np.atleast_2d(np.asarray(camera, np.float32)))
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
         if parts.clock is not None:
             sequence, nearest = parts.clock.even(sequence)

@@ -4,7 +4,11 @@ right.
 trans (2, T, 3) of MANO's origin, rot (2, T, 3), hand_pose (2, T, 45) absolute, betas (2, T, 10),
 valid (2, T); the world of its camera tracking, metres. Left poses are a left hand's, for MANO_LEFT
 with mirrored shape directions. Frames that HaWoR filled in are marked valid like those that it saw.
+SLAM/hawor_slam_w_scale_{first}_{last}.npz beside it has the camera in each frame: traj (T, 7) of
+place and quaternion, camera to world, and the scale that makes metres of the places.
 """
+
+from pathlib import Path
 
 import numpy as np
 
@@ -12,9 +16,9 @@ from geneoh.choices import SIDES
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.hand.mano import MENDED
-from geneoh.readers import base
+from geneoh.readers import base, foreign_files
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Record, Shape, described
+from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, Shape, described
 
 FIELDS: dict[str, Shape] = {
     **{"trans": (2, "T", 3), "rot": (2, "T", 3), "hand_pose": (2, "T", 45)},
@@ -53,4 +57,19 @@ def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
             shape = betas[index, seen].mean(0)
             hands.append(base.ManoParameters(side, pose, trans[index], shape))
     note = "frames that HaWoR filled in count as seen: it marks them so"
-    yield base.ClipParts(f"HaWoR {clip.name}", hands, notes=(note,))
+    camera, about_camera = camera_of(clip.path.parent / "SLAM", frames)
+    notes = (note, *about_camera)
+    yield base.ClipParts(f"HaWoR {clip.name}", hands, notes=notes, camera=camera)
+
+
+def camera_of(folder: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
+    """(T, 3) places of the camera in the world, metres, where HaWoR's tracking of it is there."""
+    files = sorted(folder.glob("hawor_slam_w_scale_*.npz"))
+    if not files:
+        return None, ()
+    record = foreign_files.read_record(files[-1])
+    places = record.array("traj", ("N", 7))[:, :3] * record.finite("scale")
+    if len(places) != frames or not np.isfinite(places).all():
+        told = f"the camera of {files[-1].name} is left out: it is not known in all {frames} frames"
+        return None, (told,)
+    return places, ()

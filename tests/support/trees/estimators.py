@@ -98,6 +98,17 @@ def hawor(root: Path, s: Scene, wrong: bool) -> None:
         [np.ones(s.frames) for _ in order],
     ]
     dump_joblib(root / "video/world_space_res.pth", [np.array(f, dtype="f4") for f in fields])
+    (root / "video/SLAM").mkdir()
+    camera, scale = cameras(s.frames), 2.5
+    turns = Rotation.from_matrix(camera[:, :3, :3]).as_quat()
+    np.savez(
+        root / f"video/SLAM/hawor_slam_w_scale_0_{s.frames}.npz",
+        tstamp=np.arange(s.frames),
+        traj=np.concatenate([camera[:, :3, 3] / scale, turns], axis=1),
+        img_focal=600.0,
+        img_center=np.array([320.0, 240.0]),
+        scale=scale,
+    )
 
 
 def aria(root: Path, s: Scene, wrong: bool) -> None:
