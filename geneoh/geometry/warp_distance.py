@@ -11,7 +11,7 @@ import inspect
 from typing import Any
 
 import torch
-import warp as wp
+import warp as wp  # pyright: ignore[reportMissingImports]  # an optional extra
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
