@@ -19,7 +19,7 @@ SHORTEST = 2  # frames: one frame is no motion, and none would leave networks no
 
 @dataclass(frozen=True)
 class LengthConfig(NetworkConfig):
-    """Size of the network."""
+    """Size of the network; the paper's is `configs/length_paper.toml`."""
 
     latent: int = 16  # numbers that tell quick from slow (paper: 64)
     hidden: int = 128  # features between (paper: 512)

@@ -1,9 +1,15 @@
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 import torch
 from draws import seeded
 
+from geneoh.config import configured
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
+from geneoh.generators.text2hoi.length_training import LengthTrainConfig
 
+PAPER = Path(__file__).parents[3] / "configs/length_paper.toml"
 SMALL = LengthConfig(latent=4, hidden=16, text=3)
 
 
@@ -66,3 +72,10 @@ def test_learned_lengths_follow_the_sentence_and_keep_their_spread():
     drawn = model.sample(told, generator=generator).float().view(2, 400)
     assert drawn.mean(1).tolist() == pytest.approx(middle.tolist(), abs=7)
     assert all(5 < spread < 20 for spread in drawn.std(1).tolist())
+
+
+def test_the_paper_s_configuration_has_the_paper_s_sizes():
+    config = configured(LengthTrainConfig(), PAPER).length
+    made = LengthNetwork(replace(config, text=512))  # of CLIP
+    sizes = [tuple(each.shape) for each in made.parameters() if each.ndim == 2]
+    assert sizes == [(512, 513), (128, 512), (512, 576), (1, 512)]
