@@ -18,7 +18,7 @@ from geneoh.generators.both2hands.denoiser import Encoded, HandsDenoiser
 from geneoh.generators.both2hands.features import HANDS, placed, with_fingers, with_other_fingers
 from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.limits import within_limits
-from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
+from geneoh.generators.both2hands.scene import PlacedBodies, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, Windows
 from geneoh.generators.from_noise import Answer, Sampler, from_noise
 from geneoh.generators.smoothing import smoothed
@@ -50,7 +50,7 @@ class Process:
 
     networks: Networks
     windows: Windows
-    scene: Scene
+    scene: PlacedBodies
     told: tuple[Encoded, Encoded]
     config: SamplingConfig
     generator: torch.Generator
@@ -137,7 +137,7 @@ def sample(
     moved = placed(motion.map(_at_least_a_window, "T"), body.config.frame)
     windows = Windows.of(moved.root.shape[1])
     skeletons = Skeleton(skeleton.offsets.to(device).expand(count, -1, -1))
-    scene = Scene.of(skeletons.map(windows.repeat), moved.map(windows.cut))
+    scene = PlacedBodies.of(skeletons.map(windows.repeat), moved.map(windows.cut))
     said = windows.repeat(networks.speech(sentences).to(device))
     told = body.encode(scene.body), networks.text.encode(said)
     config = config or SamplingConfig()

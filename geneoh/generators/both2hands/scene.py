@@ -18,7 +18,7 @@ from geneoh.generators.both2hands.features import (
 
 
 @dataclass(frozen=True)
-class Scene(Bundle):
+class PlacedBodies(Bundle):
     """B windows of bodies, placed as the networks see them."""
 
     skeleton: Skeleton
@@ -26,9 +26,9 @@ class Scene(Bundle):
     posed: PosedBody
 
     @staticmethod
-    def of(skeleton: Skeleton, motion: BodyMotion) -> "Scene":
-        """A scene of bodies that are `placed`, each with its own skeleton."""
-        return Scene(skeleton, motion, pose(skeleton, motion))
+    def of(skeleton: Skeleton, motion: BodyMotion) -> "PlacedBodies":
+        """Bodies that are `placed`, each with its own skeleton."""
+        return PlacedBodies(skeleton, motion, pose(skeleton, motion))
 
     @property
     def body(self) -> Float[Tensor, "B T 198"]:
@@ -48,7 +48,7 @@ class Scene(Bundle):
 
 
 def hands_of_text(
-    body: BodyHands, text: TextHands, answer: Float[Tensor, "B T 270"], scene: Scene
+    body: BodyHands, text: TextHands, answer: Float[Tensor, "B T 270"], scene: PlacedBodies
 ) -> Float[Tensor, "B T 270"]:
     """An answer of the network of text, on the bodies and in the numbers of the other network."""
     local = text.scale.denormalise(answer)
@@ -61,7 +61,7 @@ def both_answers(
     noisy: tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]],
     level: Float[Tensor, " B"],
     told: tuple[Encoded, Encoded],
-    scene: Scene,
+    scene: PlacedBodies,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The clean hands of the body and of the sentence, both in the numbers of the body's network.
 

@@ -17,7 +17,7 @@ from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsDenoiser, TextHands
 from geneoh.generators.both2hands.features import HandsFrame, Scale, hand_features, placed
 from geneoh.generators.both2hands.library import Branches, Speech
-from geneoh.generators.both2hands.scene import Scene, both_answers
+from geneoh.generators.both2hands.scene import PlacedBodies, both_answers
 from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
@@ -38,7 +38,7 @@ class Features(Bundle):
     hands: Float[Tensor, "B T 270"]
 
     @staticmethod
-    def of(scene: Scene, frame: HandsFrame) -> "Features":
+    def of(scene: PlacedBodies, frame: HandsFrame) -> "Features":
         """The features of a scene."""
         return Features(scene.body, hand_features(scene.posed, frame))
 
@@ -51,7 +51,7 @@ class Samples(Bundle):
     real: Bool[Tensor, "B T"]  # frames before the end of the clip
     said: Tensor  # numbers of pieces (B, N), or vectors (B, W)
     gesture: Int[Tensor, "B 2"]  # of the left and the right hand; -1: unknown
-    scene: Scene | None = None  # of networks that are blended
+    scene: PlacedBodies | None = None  # of networks that are blended
 
 
 @dataclass(frozen=True)
@@ -223,9 +223,9 @@ def naming_loss(network: TextHands, samples: Samples) -> Float[Tensor, ""]:
     return taken if bool(known.any()) else scores.sum() * 0
 
 
-def scene_of(clips: Gestures, frame: HandsFrame) -> Scene:
+def scene_of(clips: Gestures, frame: HandsFrame) -> PlacedBodies:
     """Clips as a scene."""
-    return Scene.of(clips.skeleton, placed(clips.motion, frame))
+    return PlacedBodies.of(clips.skeleton, placed(clips.motion, frame))
 
 
 def kept_features(data: Gestures, frame: HandsFrame) -> Features:

@@ -13,7 +13,7 @@ from geneoh.generators.both2hands.features import (
     placed,
     with_fingers,
 )
-from geneoh.generators.both2hands.scene import Scene
+from geneoh.generators.both2hands.scene import PlacedBodies
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 FRAMES = ("wrist", "world")
@@ -52,7 +52,7 @@ def test_local_hands_on_the_body_are_its_own_hands_root_translation_included(fra
     motion = made_motion()
     posed, bare = pose(SKELETON, motion), flat_handed(motion)
     local = hand_features(posed, "wrist")
-    found = Scene.of(SKELETON, bare).projected(local, frame)
+    found = PlacedBodies.of(SKELETON, bare).projected(local, frame)
     torch.testing.assert_close(found, hand_features(posed, frame), atol=1e-5, rtol=0)
 
 
