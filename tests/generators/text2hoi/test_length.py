@@ -7,7 +7,7 @@ from draws import seeded
 
 from geneoh.config import configured
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
-from geneoh.generators.text2hoi.length_training import LengthTrainConfig
+from geneoh.generators.text2hoi.training import LengthTrainConfig
 
 PAPER = Path(__file__).parents[3] / "configs/length_paper.toml"
 SMALL = LengthConfig(latent=4, hidden=16, text=3)
