@@ -19,9 +19,9 @@ from geneoh.sequence.windows import runs
 LEAP, LEVER = 0.002, 0.07
 """Metres of a step from which on the object moves, and metres for which a change of its rotation
 matrix counts: by √2 for each radian, which moves a point that is 10 cm off by as much as 10 cm."""
-FEWEST, LONGER = 3, 2
-"""Stops between leaps that are no chance, and how many times their median length one may last: a
-longer one is a rest."""
+FEWEST, FEWEST_BRIEF, BRIEF, LONGER = 5, 3, 4, 2
+"""Stops between leaps that are no chance, and fewer where most last at most so many frames; and how
+many times their median length one may last: a longer one is a rest."""
 
 
 def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
@@ -55,9 +55,10 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     for part in range(found.shape[1]):
         stops = [each for each in runs(stays[:, part].numpy()) if goes_on(steps[:, part], each)]
         lengths = [stop.stop - stop.start for stop in stops]
+        usual = float(np.median(lengths)) if lengths else 0.0
+        enough = len(stops) >= (FEWEST_BRIEF if usual <= BRIEF else FEWEST)
         for stop, length in zip(stops, lengths, strict=True):
-            short = len(stops) >= FEWEST and length <= LONGER * float(np.median(lengths))
-            found[stop.start + 1 : stop.stop + 1, part] = short
+            found[stop.start + 1 : stop.stop + 1, part] = enough and length <= LONGER * usual
     return found.to(motion.rotation.device)
 
 

@@ -125,3 +125,15 @@ def test_a_hand_holds_what_moves_with_it_and_not_what_passes_by():
     assert float(held[..., 1].max()) < 0.05
     passing = holding(joints[:, :1].expand_as(joints), rotation, translation)
     assert float(passing.max()) < 0.05
+
+
+def test_a_hand_that_comes_to_an_object_does_not_hold_it_though_the_view_moves():
+    """The object moves by 20 mm a frame in the view of a camera, and the hand comes by 9 mm."""
+    frames = torch.arange(12.0)[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    translation = (0.02 * frames)[None, :, None]
+    rotation = torch.eye(3).expand(1, 12, 1, 3, 3)
+    joints = (0.011 * frames)[None, :, None].expand(1, 12, 21, 3)
+    assert float(holding(joints, rotation, translation).min()) > 0.99
+    far, near = (torch.full((1, 12), apart) for apart in (0.05, 0.01))
+    assert float(holding(joints, rotation, translation, far).max()) < 0.01
+    assert float(holding(joints, rotation, translation, near).min()) > 0.99

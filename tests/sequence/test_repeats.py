@@ -39,6 +39,17 @@ def test_poses_of_a_slower_video_are_those_between():
     assert told[0].endswith("in 36 frames: taken as missing")
 
 
+def test_three_stops_are_enough_where_they_are_brief():
+    """As in a short carry whose poses come ten times a second; rests of a third of a second last."""
+    motion, at = swing(), torch.arange(FRAMES)
+    for length, expected in ((2, 6), (10, 0)):
+        held = at.clone()
+        for start in (10, 25, 40):
+            held[start : start + length + 1] = start
+        slow = replace(motion, rotation=motion.rotation[held], translation=motion.translation[held])
+        assert int(repeated_poses(slow).sum()) == expected
+
+
 def test_rests_and_single_repeats_are_motion():
     motion, at = swing(), torch.arange(FRAMES)
     assert without_repeats(motion)[0] is motion
