@@ -70,8 +70,7 @@ def make_hands(
 
     from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
     from geneoh.generators.sentences import prompt_text
-    from geneoh.readers.bodies.objects import object_of_body
-    from geneoh.readers.bodies.read import read_body
+    from geneoh.readers.bodies.read import object_of_body, read_body
 
     from . import reports
 

@@ -20,7 +20,7 @@ from geneoh.hand.mano import translation_from_wrist
 from geneoh.interrupts import interrupts_wait
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import bvh_text
-from geneoh.readers.bodies.fields import body_fields
+from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.npz_files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
 from geneoh.viz.glb import glb_bytes, upright

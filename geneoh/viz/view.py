@@ -17,7 +17,7 @@ from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples, no_result
 from geneoh.progress import OnStep
-from geneoh.readers.bodies.fields import own_body
+from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look

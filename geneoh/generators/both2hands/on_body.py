@@ -26,8 +26,8 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.progress import OnProgress
 from geneoh.readers.bodies.base import BodyRecording, at_rate, over_frames
-from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.bodies.read import read_body
+from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.holding_check import TOUCHING_REACH
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
@@ -203,7 +203,7 @@ def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
 def save_on_body(made: BodyWithHands, path: Path | str) -> None:
     """Write hands and body as a geneoh-sequence npz, whole or not at all.
 
-    Beside the fields of a sequence it keeps those of `geneoh.readers.bodies.fields.body_fields`,
+    Beside the fields of a sequence it keeps those of `geneoh.readers.bodies.smpl.body_fields`,
     and `prompt`.
 
     Raises:

@@ -1,23 +1,27 @@
-"""A body's motion out of any file of one, by the file's ending and its fields."""
+"""A body's motion out of any file of one, and the object in its hands."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-from geneoh.choices import Axis
+from geneoh.choices import Axis, Unit
 from geneoh.errors import InputError
+from geneoh.files.npz import read_archive
+from geneoh.geometry.mesh import meshes_of
+from geneoh.readers import foreign_files
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.bvh import read_bvh
-from geneoh.readers.bodies.smpl import read_smpl
+from geneoh.readers.bodies.smpl import OFFSETS, read_smpl
+from geneoh.readers.meshes import find_meshes
+from geneoh.readers.npz_files import with_callers
+from geneoh.readers.npz_tracks import read_object
+from geneoh.readers.records import Record
+from geneoh.sequence.sequence import ObjectTrack
 
 
 def read_bodies(
-    path: Path | str,
-    *,
-    fps: float | None = None,
-    up: Axis | None = None,
-    model: Path | None = None,
+    path: Path | str, *, fps: float | None = None, up: Axis | None = None, model: Path | None = None
 ) -> Iterator[BodyRecording]:
     """The bodies in a file, metres, y up, at its own frame rate: one, but for lists of BOTH57M.
 
@@ -58,3 +62,48 @@ def read_body(
         note = "the first of several clips; --clip takes another"
         return replace(body, notes=(*body.notes, note))
     return body
+
+
+def own_body(path: Path) -> BodyRecording | None:
+    """The body beside the hands in a file that geneoh wrote; None where there is none."""
+    if path.suffix.lower() != ".npz" or OFFSETS not in read_archive(path):
+        return None
+    return read_body(path)
+
+
+def object_of_body(
+    path: Path,
+    frames: int,
+    *,
+    obj: tuple[Path, ...] = (),
+    object_pose: Path | None = None,
+    unit: Unit = "m",
+) -> ObjectTrack:
+    """The object in the world of a body's file; without mesh and poses none, which has no meshes.
+
+    Args:
+        path: of the body. An npz may hold `obj_pose`, or `object_rotation` with
+            `object_translation`, and name its meshes, as a geneoh-sequence does.
+        frames: of the body, which are those of the object too.
+        obj: mesh files, one per rigid part.
+        object_pose: npy of (T, 4, 4) or (T, Q, 4, 4) object to world, or a folder of texts of each
+            frame's matrix, where the file has none.
+        unit: of the mesh files.
+
+    Raises:
+        InputError: a mesh without poses or the reverse, or poses of another number of frames.
+    """
+    own = path.suffix.lower() == ".npz"
+    record = foreign_files.read_record(path) if own else Record(str(path), {})
+    given = None
+    if object_pose is not None:
+        given, _ = foreign_files.read_poses(object_pose)
+    record = with_callers(record, "obj_pose", given)
+    meshes = meshes_of(obj, unit) or find_meshes(record, path.parent)[0]
+    motion = read_object(record, meshes, frames)
+    if len(motion.rotation) != frames:
+        raise InputError(
+            f"{path}: the object must have as many frames as the body, {frames}, got "
+            f"{len(motion.rotation)}; cut them to the same frames"
+        )
+    return motion

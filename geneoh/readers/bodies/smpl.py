@@ -1,4 +1,4 @@
-"""Bodies as SMPL parameters: smplx names, AMASS, BOTH57M, Motion-X, and what geneoh wrote itself.
+"""Bodies as SMPL parameters: smplx names, AMASS, BOTH57M, Motion-X, and what geneoh writes itself.
 
 All hold the axis-angle of 22 body joints and a translation; they differ in names, in what stands
 beside the body, and in the axis that points up. Fingers are absolute (zero: the flat hand); others
@@ -19,8 +19,9 @@ from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, Skeleton
 from geneoh.choices import AXES, Axis
 from geneoh.errors import InputError
+from geneoh.files.npz import Arrays
 from geneoh.files.values import read_values
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.bodies.base import BodyRecording, checked, upright
 from geneoh.readers.bodies.model import RestBody, embedded_body, read_model
 from geneoh.readers.clock import rate_of
@@ -35,6 +36,8 @@ OFFSETS = "body_offsets"
 UP = "body_up"
 """In our own files: the axis of their world that points up."""
 FINGERS = 30
+JAW_AND_EYES = 9
+"""Numbers of SMPL-X between body and hands, which we leave at zero."""
 MOTION_X = 322
 """Numbers of a frame of Motion-X: root 3, body 63, hands 90, jaw 3, face 50 and 100, translation 3,
 betas 10."""
@@ -244,4 +247,34 @@ def motion_x(values: Any, path: Path) -> dict[str, Array]:
         "hand_pose": values[:, 66:156],
         "trans": values[:, 309:312],
         "betas": values[:, 312:],
+    }
+
+
+def body_fields(body: BodyRecording) -> Arrays:
+    """A body in the world of its file, with absolute finger poses (`flat_hand_mean=True`).
+
+    `global_orient`, `body_pose`, `left_hand_pose`, `right_hand_pose` and `transl` are the arguments
+    of smplx; `poses`, `trans` and `mocap_frame_rate` say the same as AMASS does, for the SMPL-X
+    add-on of Blender.
+    """
+    motion = body.file_motion
+    turns = matrix_to_axis_angle(motion.rotations).flatten(1).cpu().numpy()
+    transl = (motion.root - body.rest_root).cpu().numpy()
+    offsets = body.skeleton.offsets.clone()
+    offsets[0] = body.rest_root
+    face = np.zeros((len(turns), JAW_AND_EYES), dtype=turns.dtype)
+    return {
+        "global_orient": turns[:, :3],
+        "body_pose": turns[:, 3:66],
+        "left_hand_pose": turns[:, 66:111],
+        "right_hand_pose": turns[:, 111:],
+        "transl": transl,
+        "poses": np.concatenate([turns[:, :66], face, turns[:, 66:]], axis=1),
+        "trans": transl,
+        "betas": np.zeros(10, np.float32) if body.betas is None else body.betas.cpu().numpy(),
+        "gender": np.array(body.gender),
+        "flat_hand_mean": np.array(True),
+        "mocap_frame_rate": np.array(body.fps),
+        OFFSETS: offsets.cpu().numpy(),
+        UP: np.array(body.up),
     }

@@ -3,8 +3,8 @@ import numpy as np
 import torch
 
 from geneoh.files.npz import write_archive
-from geneoh.readers.bodies.fields import body_fields, own_body
-from geneoh.readers.bodies.read import read_body
+from geneoh.readers.bodies.read import own_body, read_body
+from geneoh.readers.bodies.smpl import body_fields
 
 
 def test_a_body_that_was_written_is_read_back_in_its_world(tmp_path):
