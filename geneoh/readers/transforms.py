@@ -59,8 +59,8 @@ def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
 def converted(
     values: Array, usable: Array, convert: Callable[[Array], Array], *shape: int
 ) -> Array:
-    """(N, *shape) what `convert` makes of the usable ones of N values; NaN for the others."""
-    result = np.full((len(values), *shape), np.nan)
+    """(..., *shape) of (...) values what `convert` makes of the usable ones; NaN for the others."""
+    result = np.full((*usable.shape, *shape), np.nan)
     if usable.any():
         result[usable] = convert(values[usable])
     return result
@@ -68,18 +68,14 @@ def converted(
 
 def rotation_matrices(vectors: Array) -> Array:
     """(..., 3, 3) rotations of (..., 3) axis-angle vectors."""
-    flat = vectors.reshape(-1, 3)
-    finite = np.asarray(np.isfinite(flat).all(-1))
-    result = converted(flat, finite, lambda v: Rotation.from_rotvec(v).as_matrix(), 3, 3)
-    return result.reshape(*vectors.shape[:-1], 3, 3)
+    finite = np.isfinite(vectors).all(-1)
+    return converted(vectors, finite, lambda v: Rotation.from_rotvec(v).as_matrix(), 3, 3)
 
 
 def axis_angles(rotations: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 3, 3) matrices; NaN for what is no rotation."""
-    flat = rotations.reshape(-1, 3, 3)
-    proper = is_rotation(torch.from_numpy(flat)).numpy()
-    result = converted(flat, proper, lambda m: Rotation.from_matrix(m).as_rotvec(), 3)
-    return result.reshape(*rotations.shape[:-2], 3)
+    proper = is_rotation(torch.from_numpy(rotations)).numpy()
+    return converted(rotations, proper, lambda m: Rotation.from_matrix(m).as_rotvec(), 3)
 
 
 def are_rotations(quaternions: Array) -> Array:
@@ -90,22 +86,18 @@ def are_rotations(quaternions: Array) -> Array:
 
 def axis_angles_of_wxyz(quaternions: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for none."""
-    flat = quaternions.reshape(-1, 4)
-    result = converted(
-        flat, are_rotations(flat), lambda q: Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_rotvec(), 3
-    )
-    return result.reshape(*quaternions.shape[:-1], 3)
+    xyzw, usable = np.roll(quaternions, -1, axis=-1), are_rotations(quaternions)
+    return converted(xyzw, usable, lambda q: Rotation.from_quat(q).as_rotvec(), 3)
 
 
 def rigid_of_xyzw(poses: Array) -> Array:
     """(..., 4, 4) of (..., 7) quaternions, real part last, and places; NaN for no rotation."""
-    flat = poses.reshape(-1, 7)
 
     def matrices(found: Array) -> Array:
         return rigid_matrices(Rotation.from_quat(found[:, :4]).as_matrix(), found[:, 4:])
 
-    usable = np.isfinite(flat).all(1) & are_rotations(flat[:, :4])
-    return converted(flat, usable, matrices, 4, 4).reshape(*poses.shape[:-1], 4, 4)
+    usable = np.isfinite(poses).all(-1) & are_rotations(poses[..., :4])
+    return converted(poses, usable, matrices, 4, 4)
 
 
 def inverse(matrices: Array, where: str) -> Array:
