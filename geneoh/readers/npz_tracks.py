@@ -88,28 +88,21 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
         raise InputError(
             f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; {cure}"
         )
-    model = read_model(record)
-    found = []
-    if given:
-        sides = [given]
-    seen: list[Side] = [side for side in sides if is_seen(record, names[side])]
-    seen = seen or sides  # which reading refuses
+    sides = [given] if given else sides
+    # where none is seen, reading refuses all of them
+    seen = [side for side in sides if is_seen(record, names[side])] or sides
     unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
-    for side in seen:
-        found.append(read_track(record, side, names[side], hand_model=model_of(side, model)))
+    models = {side: read_model(record, side) for side in seen}
+    found = [read_track(record, s, names[s], hand_model=model) for s, model in models.items()]
     notes = (note for _, about in found for note in about)
     return tuple(hand for hand, _ in found), (*unseen, *notes)
 
 
-def read_model(record: Record) -> str | None:
-    """Whose betas a file has, as far as it says."""
+def read_model(record: Record, side: Side, default: str | None = None) -> str | None:
+    """Whose betas of one side a file has: MANO's right hand has one form only."""
     model = record.optional_text("hand_model")
     refuse_unknown_model(model, record.where)
-    return model
-
-
-def model_of(side: Side, model: str | None) -> str | None:
-    """The hand model of one side: MANO's right hand has one form only."""
+    model = model or default
     return name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
 
 
@@ -135,11 +128,9 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
                 f"{record.where}: the smplx layout needs 'global_orient' and 'hand_pose', "
                 f"got no '{name}'; add it"
             )
-    model = model_of(side, read_model(record) or AS_SHIPPED)
-    root, fingers = (
-        read_rotations(record, "global_orient", 1),
-        read_rotations(record, "hand_pose", 15),
-    )
+    model = read_model(record, side, AS_SHIPPED)
+    root = read_rotations(record, "global_orient", 1)
+    fingers = read_rotations(record, "hand_pose", 15)
     record.refuse_lengths(*SMPLX_PARAMETERS)
     mean, about_mean = mean_to_add(record, side, mano_dir)
     wrist, notes = None, ()
@@ -152,11 +143,8 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
         offset, notes = offset_of_wrist(side, betas, mano_dir)
         wrist = transl + offset
     names = {**JOINT_NAMES, "betas": "betas"}
-    made = {
-        "parameters": SMPLX_PARAMETERS,
-        "pose": torch.cat([root, fingers + mean], dim=1),
-        "wrist": wrist,
-    }
+    pose = torch.cat([root, fingers + mean], dim=1)
+    made = {"parameters": SMPLX_PARAMETERS, "pose": pose, "wrist": wrist}
     hand, more = read_track(record, side, names, hand_model=model, **made)
     return hand, (*about_mean, *notes, *more)
 
