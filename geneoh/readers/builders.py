@@ -13,17 +13,12 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
+from geneoh.readers import transforms
 from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, finite_frames
 from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
 from geneoh.readers.records import Array, Record, float32
-from geneoh.readers.transforms import (
-    axis_angles,
-    axis_angles_of_wxyz,
-    refuse_bottom_row,
-    rotation_matrices,
-)
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -127,7 +122,7 @@ def hand_by_frame(
     turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
     places = field_by_frame(records, translation, frames, 3)
     shapes = [record.array(betas, (10,)) for record in records.values()] if betas else []
-    angles = axis_angles_of_wxyz(turns) if quaternions else turns
+    angles = transforms.axis_angles_of_wxyz(turns) if quaternions else turns
     return ManoParameters(side, angles, places, np.mean(shapes, axis=0) if shapes else None)
 
 
@@ -199,7 +194,7 @@ def callers_object(
     poses, notes = options.object_pose, ()
     if len(poses) != frames:
         poses, notes = poses_of_frames(poses, options.first_pose, frames, where, first)
-    refuse_bottom_row(where, "the poses in --object-pose", poses)
+    transforms.refuse_bottom_row(where, "the poses in --object-pose", poses)
     return object_track(options.meshes, poses), notes
 
 
@@ -231,8 +226,8 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
     if wrist is not None:
         wrist = ((rotation @ wrist.double()[..., None])[..., 0] + shift).float()
     if pose is not None:
-        root = frame[:, :3, :3] @ rotation_matrices(pose[:, 0].double().numpy())
-        pose = torch.cat([float32(axis_angles(root))[:, None], pose[:, 1:]], dim=1)
+        root = frame[:, :3, :3] @ transforms.rotation_matrices(pose[:, 0].double().numpy())
+        pose = torch.cat([float32(transforms.axis_angles(root))[:, None], pose[:, 1:]], dim=1)
     return replace(hand, joints=joints, pose=pose, wrist=wrist)
 
 

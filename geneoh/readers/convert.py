@@ -17,13 +17,7 @@ import numpy as np
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.fingerprints import fingerprint, is_unchanged
-from geneoh.files.journal import (
-    CONVERTED,
-    append_journal,
-    begin_journal,
-    only_run_in,
-    read_journal,
-)
+from geneoh.files.journal import CONVERTED, append_journal, begin_journal, only_run_in, read_journal
 from geneoh.files.outputs import check_outputs, keep_others
 from geneoh.geometry.mesh import Mesh, size_warning
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
