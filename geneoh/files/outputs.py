@@ -110,8 +110,7 @@ def lies_within(path: Path, folder: Path) -> bool:
 
 
 def keep_others(path: Path, remedy: str) -> None:
-    """`InputError` for a folder, and for a file that holds anything and that geneoh did not write;
-    with a remedy for files."""
+    """`InputError` for a folder, and for a file that is not empty and that geneoh did not write."""
     if path.is_dir():
         raise InputError(f"{path}: expected the name of a file, got a folder; choose another name")
     if path.exists() and path.stat().st_size and not is_ours(path):

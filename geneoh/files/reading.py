@@ -70,8 +70,7 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
 
 
 def open_text(path: Path, limit: int) -> TextIO:
-    """A text file to be read line by line, without the mark that Excel begins UTF-8 with;
-    `InputError` as `read_bytes`."""
+    """A text file without the mark that Excel begins UTF-8 with; `InputError` as `read_bytes`."""
     try:
         refuse_large(path, limit)
         refuse_stand_in(path, head_of(path))
@@ -107,8 +106,7 @@ def head_of(path: Path) -> bytes:
 
 
 def refuse_stand_in(path: Path, head: bytes) -> None:
-    """Raise where a file that begins so is only the pointer to the real one, or the page of its
-    download."""
+    """Raise where a file's head shows a pointer to the real one, or the page of its download."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     for starts, words in STAND_INS:
         if start.startswith(starts):

@@ -113,8 +113,7 @@ def check_times(values: dict[str, Any], source: str) -> None:
 
 
 def array_of(value: Any) -> Any:
-    """A tensor, an array or nested lists as a numpy array; lists with other lengths or None as they
-    are."""
+    """A tensor, an array or nested lists as a numpy array; uneven lists as they are."""
     if isinstance(value, Tensor):
         # numpy has no bfloat16
         value = value.float() if value.dtype == torch.bfloat16 else value

@@ -69,10 +69,7 @@ def mano_of_coefficients(
 def hand_of_rows(
     record: Record, name: str, side: Side, rows: Array, betas: Array, mano: Mano
 ) -> ManoParameters:
-    """One hand of (T, 51) rows: orientation, 45 coefficients without the mean pose, translation.
-
-    `name` is their field in the record. Its pose is absolute, so that no mean has to be added.
-    """
+    """One hand, in absolute pose, of a field's (T, 51) orientations, coefficients, translations."""
     fingers = pose_of_coefficients(record, name, rows[:, 3:48], mano, add_mean=True)
     pose = np.concatenate([rows[:, :3], fingers], axis=1)
     return ManoParameters(side, pose, rows[:, 48:], betas)
@@ -116,8 +113,7 @@ def hand_by_frame(
 ) -> ManoParameters:
     """One hand out of the records of the frames that have it; NaN in all others of `frames`.
 
-    The pose is a field of 48 numbers, or of 16 quaternions with the real part first; of the betas,
-    10 numbers, the mean is taken.
+    Its pose is 48 numbers, or 16 quaternions with the real part first; its betas are averaged.
     """
     turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
     places = field_by_frame(records, translation, frames, 3)
@@ -179,10 +175,7 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
 def callers_object(
     options: ReaderOptions, frames: int, where: str, first: int = 0
 ) -> tuple[ObjectTrack, tuple[str, ...]]:
-    """The caller's object beside a source that has none; without one, nothing that moves.
-
-    `first` is the number that the source gives its first frame.
-    """
+    """The caller's object beside a source that has none; without one, nothing that moves."""
     if options.object_pose is None and options.meshes:
         raise InputError(
             f"{where}: the mesh in --obj needs the poses of the object, got none; pass "
@@ -201,10 +194,7 @@ def callers_object(
 def poses_of_frames(
     poses: Array, first_pose: int, frames: int, where: str, first: int
 ) -> tuple[Array, tuple[str, ...]]:
-    """Of the poses of a whole video those of some frames from number `first` on, with a note.
-
-    `InputError` where the source's frames have no numbers or the poses are not those of all.
-    """
+    """Of a whole video's poses those of the frames from number `first` on, with a note."""
     begin, last = first - first_pose, first + frames - 1
     if first and begin >= 0 and begin + frames <= len(poses):
         words = f"of the object's {len(poses)} poses those of frames {first} to {last}"

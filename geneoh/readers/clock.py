@@ -93,10 +93,7 @@ class Clock:
         return tuple(said)
 
     def even(self, sequence: Sequence) -> tuple[Sequence, Array]:
-        """The sequence with even frames, and for each of these the nearest of its old ones.
-
-        A hand is NaN in frames in which it was not observed.
-        """
+        """The sequence with even frames, NaN where unobserved, and each one's nearest old frame."""
         at, grid, seen = self.instants, self.grid, torch.from_numpy(self.observed)
         if len(at) == len(grid) and bool((at == grid).all()):
             return sequence, grid
@@ -137,10 +134,7 @@ def rate_of(stored: float | None, given: float | None, where: str) -> tuple[floa
 def timing_of(
     record: Record, frames: int, given: float | None
 ) -> tuple[float, Clock | None, tuple[str, ...]]:
-    """Frames a second, when so many frames of a file were taken, and what a user should know.
-
-    By the fields of the file and the caller's rate; see `rate_of`.
-    """
+    """Frames a second, by file or caller, when the frames were taken, and what to know of it."""
     record = replace(record, values=dict(record.values) | dates_in(record))
     stored = record.optional_number("fps", "save it as fps=30.0")
     said = given if stored is None else stored
@@ -165,10 +159,7 @@ def dates_in(record: Record) -> dict[str, Array]:
 
 
 def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
-    """The clock in the fields of a file of so many frames, by its times rather than its numbers.
-
-    `said` is the frame rate by the file or the caller.
-    """
+    """The clock of so many frames by a file's times, else its numbers; `said` is the known rate."""
     columns = (name for name in CLOCK_NAMES if is_column(record.values.get(name), frames))
     name = next(columns, None) if frames > 1 else None
     if name is None:
@@ -257,10 +248,7 @@ def seconds_of(record: Record, name: str, steps: Array) -> float:
 
 
 def usual_step(values: Array) -> tuple[float, bool]:
-    """From a frame to the next one where none is left out, of (T,) values from 0 up that rise.
-
-    And whether the values are multiples of it, but for little.
-    """
+    """The usual step of (T,) values that rise from 0, and whether they are multiples of it."""
     steps = np.diff(values)
     found = []
     for step in np.quantile(steps, [0.5, 0.25, 0.1], method="lower").tolist():

@@ -164,11 +164,7 @@ def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> 
 
 
 def split(whole: Recording, object_known: Array, after_jump: Array | None) -> list[Recording]:
-    """One recording for each stretch of frames in which the object's place is known.
-
-    With several stretches each is called by its first frame as well. `after_jump` are the (T,)
-    frames that do not follow in time from the one before them.
-    """
+    """One recording for each stretch in which the object is known, named by its first frame too."""
     if not object_known.any():
         raise InputError(f"{whole.name}: expected the object's pose in some frame, got none")
     stretches = base.stretches(object_known, after_jump)

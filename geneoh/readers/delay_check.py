@@ -84,11 +84,7 @@ def delays_at(fps: float) -> Array:
 def wandering(
     palm: Array, seen: Array, delays: Array, turn: Tensor, shift: Tensor, fps: float
 ) -> Array:
-    """(B, K) how far the palm wanders about a part in each block of motion, under each delay.
-
-    In squares of metres, summed over the frames of a block; no block where the part moves too
-    little.
-    """
+    """(B, K) squared metres that the palm wanders about a part, by block of motion and by delay."""
     rotation, place = turn.double().cpu().numpy(), shift.double().cpu().numpy()[:, None]
     margin = int(delays.max())
     usable = moves(palm, rotation, place, fps) & seen

@@ -61,8 +61,7 @@ def read_poses(path: Path) -> tuple[Array, int]:
 
 
 def files_of_poses(folder: Path) -> dict[int, Path]:
-    """The texts in a folder of poses by the number of their frame; those whose names are times and
-    no such numbers one after the other."""
+    """The texts of a folder of poses by their frame's number; in order where names are times."""
     files = sorted(folder.glob("*.txt"))
     if not files:
         raise InputError(

@@ -105,8 +105,7 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
 
 
 def of_picture(points: Array) -> bool:
-    """Whether (T, 21, 3) points are MediaPipe's landmarks of the picture: these alone have a wrist
-    of depth 0 that is off the centre."""
+    """Whether points are of a picture: only those have a wrist off the centre with depth 0."""
     wrist = points[np.isfinite(points).all((1, 2)), 0]
     flat = len(wrist) > 0 and np.abs(wrist[:, 2]).max() < NO_DEPTH
     return bool(flat and np.abs(wrist[:, :2]).min() > NO_DEPTH and (wrist > -NO_DEPTH).all())
@@ -123,8 +122,7 @@ def palm_length(joints: Float[Tensor, "T 21 3"]) -> float:
 
 
 def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
-    """Mean metres from the knuckles to the fingertips along the palm's inner normal, of the fingers
-    that are not NaN."""
+    """Mean metres from knuckles to tips along the palm's inner normal; NaN does not count."""
     palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
     palm = torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
     return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).nanmean(-1)

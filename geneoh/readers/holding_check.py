@@ -47,8 +47,7 @@ Reading = tuple[Array, Array, Array]
 
 
 def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
-    """Whether the wrist comes near the world's origin, and near the poses of an object without a
-    mesh, and moves through the world."""
+    """Whether the wrist comes near the origin and an object without a mesh, and moves at all."""
     wrist, seen = wrist_of(hand), hand.trust[:, 0] > 0
     away = float(wrist.norm(dim=-1).masked_fill(~seen, torch.inf).min())
     if FARTHEST_SCENE < away < torch.inf:

@@ -92,9 +92,6 @@ def shorter_order(
 
 
 def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
-    """Total length of the bones of a hand in OpenPose order, each the median of all frames.
-
-    NaN where a keypoint is in none of them.
-    """
+    """Total of the median lengths of a hand's bones; NaN where a keypoint is in no frame."""
     bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
     return float(bones.norm(dim=-1).nanmedian(0).values.sum())

@@ -71,10 +71,7 @@ def read_mano(folder: Path, side: Side, name: ManoName = AS_SHIPPED) -> Mano:
 def pose_of_coefficients(
     record: Record, name: str, coefficients: Array, mano: Mano, *, add_mean: bool
 ) -> Array:
-    """(T, 45) absolute pose from (T, C) coefficients of the first of MANO's pose components.
-
-    `name` is their field in the record, for the message; `add_mean` adds the mean pose.
-    """
+    """(T, 45) absolute pose from a field's (T, C) coefficients of MANO's first components."""
     count = coefficients.shape[-1]
     if count > len(mano.components):
         raise record.refuse(name, f"at most {len(mano.components)} coefficients")

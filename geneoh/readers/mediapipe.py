@@ -70,10 +70,7 @@ class Landmarks:
 
 
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
-    """The hands in the value of a JSON file; None where it is no result of MediaPipe.
-
-    `side` is the caller's, see `as_one_hand`.
-    """
+    """The hands in the value of a JSON file; None where it is no result of MediaPipe."""
     frames = frames_in(value)
     names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
     if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
@@ -166,10 +163,7 @@ def hands_in(record: Record, side: Side | None) -> list[Detected]:
 
 
 def told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
-    """Two hands of a frame that have one side, with a side each.
-
-    By which they are more like the latest hands of both sides, else the surer one keeps its own.
-    """
+    """Two hands of one side with a side each: like the latest hands, else by the surer one."""
     named = hands[0].side
     assert named is not None, "hands without a side are not told apart"
     ways = [

@@ -79,8 +79,7 @@ def obj_text(mesh: Mesh) -> str:
 
 
 def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
-    """Paths of the meshes' files as seen from a folder, and the SHA-256 of their contents; of
-    meshes of which one is in no file the latter alone."""
+    """SHA-256 of meshes' contents, and the paths from a folder where all of them are in files."""
     if not meshes:
         return {}
     arrays = {HASHES: np.array([mesh.sha256 for mesh in meshes])}
@@ -99,10 +98,7 @@ def seen_from(folder: Path, file: Path) -> str:
 
 
 def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
-    """The meshes that a file in a folder names, where all are there and as they were.
-
-    Otherwise none, and in words why. `InputError` for names that are no texts.
-    """
+    """The meshes that a file names, if all are there and as they were; else none, and why."""
     if FILES not in record:
         return (), IN_NO_FILE if HASHES in record else ""
     names = record.texts(FILES)
@@ -123,8 +119,7 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
 
 
 def known_mesh(path: Path, hashes: list[str] | None) -> Mesh | None:
-    """The mesh of a file, or the part of it, that has one of some hashes, in whatever unit the file
-    is; without hashes the whole one in metres."""
+    """The mesh or part of a file with one of some hashes, in any unit; without, all in metres."""
     for unit in reversed(METRES):  # metres first
         whole = load_mesh(path, unit)
         for mesh in (whole, *whole.parts):

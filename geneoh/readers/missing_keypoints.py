@@ -13,8 +13,7 @@ FEWEST = 11
 def without_missing(
     joints: Float[Tensor, "T 21 3"], confidence: Float[Tensor, "T 21"] | None
 ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21"] | None, tuple[str, ...]]:
-    """Keypoints that are finite wherever a frame holds a hand, their confidence, and what was
-    assumed.
+    """Keypoints that are finite in frames with a hand, their confidence, and what was assumed.
 
     Missing ones get a confidence of 0 and the place of the keypoint before them.
     """
@@ -37,11 +36,9 @@ def without_missing(
 
 
 def missing_keypoints(joints: Float[Tensor, "T 21 3"]) -> Bool[Tensor, "T 21"]:
-    """Keypoints that are not finite, or exactly at the origin: some trackers write zeros for what
-    they did not find.
+    """Keypoints that are not finite, or zeros, as some trackers write for what they did not find.
 
-    A wrist that is there in every frame with a hand is the origin of these keypoints, and frames
-    that are zero throughout hold none.
+    A wrist that is zero in every frame with a hand is the origin, and no missing one.
     """
     zero = (joints == 0).all(-1)
     zero &= ~zero.all(-1, keepdim=True)

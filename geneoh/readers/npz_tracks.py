@@ -107,10 +107,7 @@ def read_model(record: Record, side: Side, default: str | None = None) -> str | 
 
 
 def is_seen(record: Record, names: dict[str, str]) -> bool:
-    """Whether some frame holds a hand: by its mask, without one because something is finite.
-
-    Keypoints that are zero hold none. `names` has the file's name of each field of the hand.
-    """
+    """Whether some frame holds a hand: by its mask, else by numbers that are finite and not 0."""
     if names["valid"] in record:
         return bool(record.flags(names["valid"]).any())
     placed = [names[name] for name in ("joints", "pose", "wrist") if names[name] in record]
@@ -193,10 +190,7 @@ def offset_of_wrist(
 def read_betas(
     record: Record, name: str, mask: str = "valid"
 ) -> tuple[Float[Tensor, " 10"] | None, Notes]:
-    """Shape coefficients of the sequence; one set per frame is averaged, and that is noted.
-
-    `mask` is the field that says which frames hold a hand: the others have no shape.
-    """
+    """Shape coefficients; one set per frame is averaged over those of the mask, which is noted."""
     betas, notes = record.tensor(name, (10,), ("T", 10)), ()
     if betas is not None and betas.ndim == 2:
         observed = betas[frames_with_shape(record, betas, mask)]
@@ -212,10 +206,7 @@ def read_betas(
 def frames_with_shape(
     record: Record, betas: Float[Tensor, "T 10"], mask: str = "valid"
 ) -> Bool[Tensor, " T"]:
-    """Frames whose betas count: those that the mask has and that are not NaN or all zeros.
-
-    Where no frame is left, as with the mean hand, all finite ones count.
-    """
+    """Frames of the mask with betas that are not all 0; all finite ones where there is none."""
     finite = all_finite(betas)
     seen = finite & betas.any(1)
     if mask in record and len(flags := record.flags(mask)) == len(betas):
@@ -289,10 +280,7 @@ def read_track(
 def observed_frames(
     record: Record, side: Side, field: dict[str, str], finite: dict[str, Bool[Tensor, " T"]]
 ) -> tuple[Bool[Tensor, " T"], Notes]:
-    """Frames that hold a hand: those of the file's mask, which must be finite, else the finite.
-
-    `field` has the names of the hand's fields, `finite` of each that is there its finite frames.
-    """
+    """Frames that hold a hand: those of the file's mask, which must be finite, else the finite."""
     mask, whole = field["valid"], torch.stack(list(finite.values())).all(0)
     if mask in record:
         return masked_frames(record, side, field, finite), ()

@@ -25,10 +25,7 @@ def rigid_matrices(rotation: Array, translation: Array) -> Array:
 
 
 def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None = None) -> None:
-    """Refuse (T, ..., 4, 4) poses that do not act on column vectors; those with NaN are none.
-
-    `name` is that of the poses in the message, `known` are the (T,) frames that count.
-    """
+    """Refuse (T, ..., 4, 4) poses, in known frames and without NaN, not of column vectors."""
     off = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(-1) > BOTTOM_ROW_TOLERANCE
     off &= ~np.isnan(poses).any((-1, -2))
     if known is not None:

@@ -144,10 +144,7 @@ def next_finger(joint: int) -> str:
 
 
 def facing_of(rest: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, "3 3"]:
-    """The turn from our T-pose to the way in which a rest pose stands and faces.
-
-    Up and the left side are taken as axes of the file where they nearly are.
-    """
+    """The turn from our T-pose to how a rest pose stands and faces: by axes where nearly so."""
     left = rest["left_shoulder"] - rest["right_shoulder"]
     middle = (rest["left_shoulder"] + rest["right_shoulder"]) / 2
     up = snapped(middle - rest["pelvis"])

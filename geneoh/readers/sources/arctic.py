@@ -182,10 +182,7 @@ def read_hand(
 
 
 def confidence_of(record: Record, name: str) -> Array | None:
-    """(T, 21) confidence from the error of ARCTIC's fit, whose unit is not documented.
-
-    1 up to the median of the sequence, beyond it the median's share of the error.
-    """
+    """(T, 21) trust by the error of the fit, in no known unit: 1 to the median, then its share."""
     error = record.optional_array(name, ("T",), ("T", 1))
     if error is None:
         return None

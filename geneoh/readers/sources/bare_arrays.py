@@ -129,8 +129,7 @@ def said_beside(
 
 
 def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:
-    """The object's track that a file holds, unless the caller gives its poses, and what is not read
-    of the file."""
+    """A file's own object, unless the caller gives poses, and what is not read of the file."""
     own = [name for name in npz_layouts.OBJECT_FIELDS[:3] if name in record]
     camera = unread(record, npz_layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
     if options.object_pose is not None or not own:

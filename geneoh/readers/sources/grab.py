@@ -216,10 +216,7 @@ def read_subject(path: Path, side: Side, frames: int) -> Record | None:
 def shape_and_wrist(
     model: HandModel, pose: Array, verts: Array, record: Record
 ) -> tuple[Array, Array]:
-    """(10,) betas and (T, 3) wrist of the hand in a known pose that is nearest to its vertices.
-
-    Posed vertices are linear in both, so that least squares has the answer.
-    """
+    """(10,) betas and (T, 3) wrist, in which vertices are linear, of the hand nearest to them."""
     chosen = np.unique(np.linspace(0, len(pose) - 1, FIT_FRAMES).astype(int))
     trial = torch.cat([torch.zeros(1, 10), torch.eye(10)])
     poses, nowhere = torch.from_numpy(pose[chosen]).float(), torch.zeros(len(chosen), 3)

@@ -74,10 +74,7 @@ class FollowedHand:
         """The wrist in the frame with a hand before that one."""
 
     def add(self, frame: int, found: Detections, row: int) -> None:
-        """Take a detection if it is of this side, of several in a frame the nearest to the last.
-
-        Frames come in order.
-        """
+        """Take a detection of this side, in order of frames; of several in one the nearest."""
         right = bool(found.right[row])
         if right != (self.side == "right"):
             return
@@ -139,8 +136,7 @@ def mean_distance(posed: Array, points: Array) -> float:
 
 
 def off_crop(rows: Detections, sign: int) -> float:
-    """How far the keypoints' middle is from that of the crop, in halves of it, by a sign of the
-    crop's shift to the side; zero where no crop is known."""
+    """Halves of a crop from its middle to the keypoints', by a sign of its shift; 0 without one."""
     x = rows.points[..., 0]
     middle = (x.min(-1) + x.max(-1)) / 2
     return float(np.nan_to_num(np.abs(rows.crop[:, 0] * (middle + sign * rows.crop[:, 1]))).mean())

@@ -139,10 +139,7 @@ def foreign_parts(
 def read_frames(
     frames: list[object], order: JointOrder, scale: float, where: str
 ) -> tuple[Array, Array]:
-    """(T, 21, 3) keypoints in metres, NaN where there are none, and (T, 21) trust.
-
-    `scale` is the metres of the file's unit.
-    """
+    """(T, 21, 3) keypoints in metres, a unit being `scale`, NaN for none, and (T, 21) trust."""
     count = joint_orders.ORDERS[order].count
     points, trust = np.full((len(frames), count, 3), np.nan), np.zeros(len(frames))
     for index, frame in enumerate(frames):

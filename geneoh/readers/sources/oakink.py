@@ -114,10 +114,7 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int, int]:
-    """The frame, `stride` numbers after the one before it, that each number is nearest to.
-
-    Numbers that are left out are a gap in time: they stay frames, without hand or object.
-    """
+    """The frame nearest to each number, `stride` apart; numbers left out stay empty frames."""
     frames = {number: round((number - numbers[0]) / stride) for number in numbers}
     if len(set(frames.values())) < len(frames):
         raise record.refuse("mocap_frame_id_list", f"frame numbers about {stride} apart")

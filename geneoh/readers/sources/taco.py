@@ -83,10 +83,7 @@ def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
 
 
 def read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
-    """One hand, in as many frames as the object has, with betas where there is a file of them.
-
-    The hand was not observed in frames whose number is left out.
-    """
+    """One hand in the object's frames, NaN in those left out, with betas if there is their file."""
     record = foreign_files.read_record(folder / f"{side}_hand.pkl")
     keys = {foreign_files.frame_number(Path(str(key))): key for key in record.values}
     first, last = min(keys, default=0), max(keys, default=-1)
