@@ -9,6 +9,7 @@ import io
 import lzma
 import zipfile
 import zlib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,14 @@ from geneoh.files.checkpoints import KNOWN, is_stream, read_stream, read_zip
 from geneoh.files.npz import decode_archive, decode_array
 from geneoh.files.pickles import Loader
 from geneoh.files.reading import DAMAGE, SIZE_LIMIT, read_bytes, reason
+
+DECOMPRESSORS = (
+    ((b"\x78\x01", b"\x78\x5e", b"\x78\x9c", b"\x78\xda"), zlib.decompressobj),
+    ((b"\x1f\x8b",), partial(zlib.decompressobj, wbits=31)),
+    ((b"BZh",), bz2.BZ2Decompressor),
+    ((b"\xfd7zXZ", b"\x5d\x00\x00"), partial(lzma.LZMADecompressor, memlimit=2**28)),
+)
+"""How compressed files begin, and what unpacks them."""
 
 
 def read_values(path: Path) -> Any:
@@ -68,17 +77,10 @@ def decode_objects(data: bytes, file: str) -> Any:
 
 def unpacked(data: bytes, file: str) -> bytes:
     """A pickle out of its compression, as joblib and others write it."""
-    if data[:2] in (b"\x78\x01", b"\x78\x5e", b"\x78\x9c", b"\x78\xda"):
-        decompressor: Any = zlib.decompressobj()
-    elif data.startswith(b"\x1f\x8b"):
-        decompressor = zlib.decompressobj(wbits=31)
-    elif data.startswith(b"BZh"):
-        decompressor = bz2.BZ2Decompressor()
-    elif data.startswith((b"\xfd7zXZ", b"\x5d\x00\x00")):
-        decompressor = lzma.LZMADecompressor(memlimit=2**28)
-    else:
+    made: Any = next((made for starts, made in DECOMPRESSORS if data.startswith(starts)), None)
+    if made is None:
         return data
-    plain = decompressor.decompress(data, SIZE_LIMIT + 1)
+    plain = made().decompress(data, SIZE_LIMIT + 1)
     if len(plain) > SIZE_LIMIT:
         raise InputError(
             f"{file}: must unpack to at most {SIZE_LIMIT / 2**30:g} GiB, got more; "

@@ -43,9 +43,7 @@ def contradictions(recording: Recording) -> list[str]:
         check_sequence(sequence, recording.name)
     except InputError as error:
         found.append(f"units and frames: {error}")
-    for mesh in sequence.object.meshes:
-        if warning := size_warning(mesh):
-            found.append(f"units: {warning}")
+    found += [f"units: {words}" for words in map(size_warning, sequence.object.meshes) if words]
     for hand in sequence.hands:
         told = (
             *check_wrist_position(hand, stored),

@@ -34,9 +34,9 @@ TEXT_LIMIT = 2**24
 """Bytes of a text of numbers, each of which takes thirty times as much memory."""
 
 
-def read_record(path: Path, remedy: str = AS_DISTRIBUTED) -> Record:
-    """The dict in a pickle, npz, npy, checkpoint or joblib file; `remedy` is for wrong fields."""
-    return as_record(read_values(path), str(path), remedy)
+def read_record(path: Path) -> Record:
+    """The dict in a pickle, npz, npy, checkpoint or joblib file."""
+    return as_record(read_values(path), str(path))
 
 
 def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:

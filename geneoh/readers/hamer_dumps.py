@@ -99,7 +99,9 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, tuple[
             continue
         made = read_batch(record, focal, number)
         if number is None and "frame" not in record and len(made.right) > 1:
-            refuse_pairs(record, made.right)
+            if len(np.unique(made.right)) > 1:
+                expected = "the number of each row's image, where a file has hands of both sides"
+                raise record.refuse("frame", expected, "dump it too, or each hand to its own file")
             notes = [ORDER_NOTE]
         found.append(made)
     if not found:
@@ -179,13 +181,6 @@ def is_empty(record: Record) -> bool:
     """Whether a batch holds no detection, as that of an image without a hand."""
     names = (side_field(record), "pred_keypoints_3d")
     return all(name in record and not record.numbers(name).size for name in names)
-
-
-def refuse_pairs(record: Record, right: Array) -> None:
-    """Refuse hands of both sides that do not say which of them are of one image."""
-    if len(np.unique(right)) > 1:
-        expected = "the number of each row's image, where a file has hands of both sides"
-        raise record.refuse("frame", expected, "dump it too, or each hand to its own file")
 
 
 def read_batch(record: Record, focal: float | None, number: int | None) -> Detections:

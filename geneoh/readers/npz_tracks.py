@@ -90,10 +90,9 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
         )
     sides = [given] if given else sides
     # where none is seen, reading refuses all of them
-    seen = [side for side in sides if is_seen(record, names[side])] or sides
+    seen: list[Side] = [side for side in sides if is_seen(record, names[side])] or sides
     unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
-    models = {side: read_model(record, side) for side in seen}
-    found = [read_track(record, s, names[s], hand_model=model) for s, model in models.items()]
+    found = [read_track(record, s, names[s], hand_model=read_model(record, s)) for s in seen]
     notes = (note for _, about in found for note in about)
     return tuple(hand for hand, _ in found), (*unseen, *notes)
 

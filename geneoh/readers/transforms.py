@@ -65,7 +65,7 @@ def converted(
 
 def rotation_matrices(vectors: Array) -> Array:
     """(..., 3, 3) rotations of (..., 3) axis-angle vectors."""
-    finite = np.isfinite(vectors).all(-1)
+    finite = np.asarray(np.isfinite(vectors).all(-1))
     return converted(vectors, finite, lambda v: Rotation.from_rotvec(v).as_matrix(), 3, 3)
 
 

@@ -6,7 +6,6 @@ many exporters write, and one never ends on a truncated file.
 
 import re
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -89,7 +88,8 @@ def read_hierarchy(text: str, path: Path) -> list[BvhJoint]:
     joints: list[BvhJoint] = []
     open_blocks: list[int] = []  # -1 for an end site
     pending = -1
-    for words in statements(text):
+    lines = re.sub(r"([{}])", r"\n\1\n", text).splitlines()  # braces are lines of their own
+    for words in filter(None, map(str.split, lines)):
         match words[0].upper():
             case "ROOT" | "JOINT":
                 parent = open_blocks[-1] if open_blocks else -1
@@ -116,13 +116,6 @@ def read_hierarchy(text: str, path: Path) -> list[BvhJoint]:
     if not joints or open_blocks:
         raise InputError(f"{path}: expected a whole hierarchy, got one that is cut; {DAMAGED}")
     return joints
-
-
-def statements(text: str) -> Iterator[list[str]]:
-    """The lines of a hierarchy as words; braces are lines of their own."""
-    for line in re.sub(r"([{}])", r"\n\1\n", text).splitlines():
-        if words := line.split():
-            yield words
 
 
 def refusal(path: Path, expected: str, words: list[str]) -> InputError:

@@ -52,7 +52,8 @@ def body_files(source: BodySource, path: Path) -> list[Path]:
     found = sorted(chain.from_iterable(paths_matching(path, name) for name in FILES[source]))
     expected = " or ".join(FILES[source])
     if source == "motionx":
-        found = [file for file in found if MOTION_DATA in parents_of(file)]
+        folders = {file: file.resolve().parents for file in found}
+        found = [f for f in found if MOTION_DATA in {(p.parent.name, p.name) for p in folders[f]}]
         expected += f" below {'/'.join(MOTION_DATA)}"
     if not found:
         raise InputError(
@@ -104,8 +105,3 @@ def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
 def amass(file: Path, model: Path | None) -> Iterator[SourceBody]:
     """One recording; those of a person are in one folder."""
     yield SourceBody(read_body(file, model=model), str(file.resolve().parent))
-
-
-def parents_of(file: Path) -> set[tuple[str, str]]:
-    """Each two folders, one in the other, that a file is in."""
-    return {(folder.parent.name, folder.name) for folder in file.resolve().parents}

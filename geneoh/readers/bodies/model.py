@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, PARENTS, Skeleton, embedded_skeleton
+from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, PARENTS, Skeleton
 from geneoh.bundle import Bundle
 from geneoh.readers import foreign_files
 from geneoh.readers.records import Array, Record, float32
@@ -25,11 +24,6 @@ class RestBody(Bundle):
     skeleton: Skeleton
     rest_root: Float[Tensor, " 3"]
     """The pelvis in the model's own frame, metres: SMPL's translation plus this is the pelvis."""
-
-
-def embedded_body() -> RestBody:
-    """Our skeleton, whose translation is the place of the pelvis."""
-    return RestBody(embedded_skeleton(), torch.zeros(3))
 
 
 def read_model(path: Path, betas: Float[Tensor, " S"] | None = None) -> RestBody:

@@ -16,14 +16,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion
-from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, Skeleton
+from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, Skeleton, embedded_skeleton
 from geneoh.choices import AXES, Axis
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
 from geneoh.files.values import read_values
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.bodies.base import BodyRecording, checked, upright
-from geneoh.readers.bodies.model import RestBody, embedded_body, read_model
+from geneoh.readers.bodies.model import RestBody, read_model
 from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.records import Array, Record, as_record, float32
@@ -103,7 +103,8 @@ def read_clip(
     stored = [record.number(name) for name in RATES if name in record]
     rate, notes = rate_of(stored[0] if stored else layout.fps, fps, record.where)
     motion = BodyMotion(float32(transl) + rest.rest_root, turns)
-    up = up or own_axis(record)
+    own = (axis for axis in AXES if axis == record.optional_text(UP))
+    up = up or next(own, None)
     motion, up, more = upright(motion, rest.skeleton, up, usual=layout.up)
     return checked(
         BodyRecording(
@@ -223,15 +224,9 @@ def rest_body(record: Record, betas: Float[Tensor, " S"] | None, model: Path | N
         return read_model(model, betas)
     offsets = record.tensor(OFFSETS, (len(JOINT_NAMES), 3), unit="in metres")
     if offsets is None:
-        return embedded_body()
+        return RestBody(embedded_skeleton(), torch.zeros(3))
     bones = torch.cat([torch.zeros(1, 3), offsets[1:]])
     return RestBody(Skeleton(bones), offsets[0])
-
-
-def own_axis(record: Record) -> Axis | None:
-    """The axis that our own files name as the one that points up."""
-    said = record.optional_text(UP)
-    return next((axis for axis in AXES if axis == said), None)
 
 
 def motion_x(values: Any, path: Path) -> dict[str, Array]:

@@ -48,15 +48,14 @@ GAP_LIMIT, GAP_GAIN = 0.02, 0.5
 CAMERA_GAIN, CAMERA_SHARE = 0.002, 0.5
 """Metres a frame, and share, by which the object moves less where camera poses are inverted."""
 
+BOTH: dict[str, Any] = {
+    **{"clip_is_folder": True, "fps": 15.0, "convention": base.ORIGIN},
+    **{"takes": ("objects", "swap_parts")},
+}
+"""What the readers of both forms have in common."""
 
-@reads(
-    "objpose/",
-    clip_is_folder=True,
-    name_parts=ID_PARTS,
-    fps=15.0,
-    convention=base.ORIGIN,
-    takes=("objects", "swap_parts"),
-)
+
+@reads("objpose/", name_parts=ID_PARTS, **BOTH)
 def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the object's parts, in the world where the camera's poses are there."""
     sequence = clip.path.parts[-ID_PARTS:]
@@ -94,14 +93,7 @@ def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     )
 
 
-@reads(
-    "merged_data.npy",
-    clip_is_folder=True,
-    name_parts=2,
-    fps=15.0,
-    convention=base.ORIGIN,
-    takes=("objects", "swap_parts"),
-)
+@reads("merged_data.npy", name_parts=2, **BOTH)
 def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object's parts, in the camera's frame."""
     steps = read_steps(clip.path / "merged_data.npy")
@@ -115,11 +107,9 @@ def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     named = {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)}
     found = exchanged_parts(meshes, motion[base.finite_frames(motion)])
     stated = base.stated("right", joints if np.isfinite(joints).any() else None)
-    how = {
-        "notes": ("camera frame",),
-        "cross_checks": base.CrossChecks(stated, contradictions=found),
-    }
-    yield base.ClipParts(f"HOI4D {clip.name} (GeneOH)", [hand], named, motion, **how)
+    checks, notes = base.CrossChecks(stated, contradictions=found), ("camera frame",)
+    source = f"HOI4D {clip.name} (GeneOH)"
+    yield base.ClipParts(source, [hand], named, motion, notes=notes, cross_checks=checks)
 
 
 def read_poses(files: dict[int, Path], frames: int) -> Array:
