@@ -103,8 +103,8 @@ def read_clip(
     stored = [record.number(name) for name in RATES if name in record]
     rate, notes = rate_of(stored[0] if stored else layout.fps, fps, record.where)
     motion = BodyMotion(float32(transl) + rest.rest_root, turns)
-    own = (axis for axis in AXES if axis == record.optional_text(UP))
-    up = up or next(own, None)
+    said = record.optional_text(UP)
+    up = up or next((axis for axis in AXES if axis == said), None)
     motion, up, more = upright(motion, rest.skeleton, up, usual=layout.up)
     return checked(
         BodyRecording(

@@ -13,6 +13,7 @@ dump holds is found from how its fields fit each other.
 """
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import torch
@@ -26,7 +27,6 @@ from geneoh.readers.builders import hand_track
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hamer_dumps import ENDINGS, Detections, dumps, read_detections
 from geneoh.readers.records import Array
-from geneoh.sequence.sequence import HandTrack
 
 FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
 MIRRORED_NOTE = "of left hands some fields were mirrored back already"
@@ -43,60 +43,49 @@ def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""
     found, notes = read_detections(clip.path, options.focal)
     found, more = as_estimated(found)
-    first, last = int(found.frame.min()), int(found.frame.max())
-    hands = [FollowedHand(side, last - first + 1) for side in ("right", "left")]
-    for row in np.argsort(found.frame, kind="stable").tolist():
-        for hand in hands:
-            hand.add(int(found.frame[row]) - first, found, row)
-    hands = [hand for hand in hands if hand.betas]
+    first, frames = int(found.frame.min()), int(np.ptp(found.frame)) + 1
+    rows: dict[Side, Array] = {side: rows_of(found, side) for side in ("right", "left")}
+    hands = [hand_of(found.take(own, "N"), s, first, frames) for s, own in rows.items() if len(own)]
     notes = (*notes, *more)
     yield base.ClipParts(
         f"HaMeR or WiLoR {clip.name}",
-        [hand.track() for hand in hands],
+        [hand_track(**hand, left_hand=MENDED) for hand in hands],  # right hands, mirrored
         notes=notes if options.focal else (*notes, FOCAL_NOTE),
-        cross_checks=base.CrossChecks(joints={hand.side: hand.joints for hand in hands}),
+        cross_checks=base.CrossChecks(joints={hand["side"]: hand["joints"] for hand in hands}),
         first=first,
         camera=(0.0, 0.0, 0.0),
     )
 
 
-class FollowedHand:
-    """The hand of one side over all frames; NaN where it was not detected."""
+def keypoints_of(found: Detections, side: Side) -> Array:
+    """(N, 21, 3) keypoints of hands of one side in the camera's frame."""
+    points = found.points if side == "right" else mirror_points(found.points)
+    return points + found.place[:, None]
 
-    def __init__(self, side: Side, frames: int) -> None:
-        self.side: Side = side
-        self.pose = np.full((frames, 16, 3), np.nan)
-        self.joints = np.full((frames, 21, 3), np.nan)
-        self.betas: list[Array] = []
-        self.last = -1
-        """The latest frame with a hand."""
-        self.before = np.full(3, np.nan)
-        """The wrist in the frame with a hand before that one."""
 
-    def add(self, frame: int, found: Detections, row: int) -> None:
-        """Take a detection of this side, in order of frames; of several in one the nearest."""
-        right = bool(found.right[row])
-        if right != (self.side == "right"):
-            return
-        points = found.points[row]
-        joints = (points if right else mirror_points(points)) + found.place[row]
-        if frame == self.last:
-            now = np.linalg.norm(self.joints[frame, 0] - self.before)
-            if not np.linalg.norm(joints[0] - self.before) < now:
-                return
-            self.betas.pop()
-        elif self.last >= 0:
-            self.before = self.joints[self.last, 0].copy()
-        pose = transforms.axis_angles(found.turns[row])
-        self.pose[frame] = pose if right else mirror_axis_angle(pose)
-        self.joints[frame], self.last = joints, frame
-        self.betas.append(found.betas[row])
+def rows_of(found: Detections, side: Side) -> Array:
+    """(M,) the detections of one side, one a frame: of several the nearest to the one before."""
+    wrist = keypoints_of(found, side)[:, 0]
+    chosen: list[int] = []
+    rows = np.argsort(found.frame, kind="stable")
+    for row in rows[found.right[rows] == (side == "right")].tolist():
+        if not chosen or found.frame[row] != found.frame[chosen[-1]]:
+            chosen.append(row)
+        elif len(chosen) > 1:
+            before, last = wrist[chosen[-2]], wrist[chosen[-1]]
+            if np.linalg.norm(wrist[row] - before) < np.linalg.norm(last - before):
+                chosen[-1] = row
+    return np.array(chosen, dtype=int)
 
-    def track(self) -> HandTrack:
-        """The track; the wrist is the first keypoint."""
-        betas, wrist = np.mean(self.betas, axis=0), self.joints[:, 0]
-        numbers = {"pose": self.pose, "wrist": wrist, "betas": betas}
-        return hand_track(self.side, self.joints, **numbers, left_hand=MENDED)  # right, mirrored
+
+def hand_of(found: Detections, side: Side, first: int, frames: int) -> dict[str, Any]:
+    """The arguments of `hand_track` for detections of one hand; NaN in frames without one."""
+    pose, joints = np.full((frames, 16, 3), np.nan), np.full((frames, 21, 3), np.nan)
+    turns, at = transforms.axis_angles(found.turns), found.frame - first
+    pose[at] = turns if side == "right" else mirror_axis_angle(turns)
+    joints[at] = keypoints_of(found, side)
+    numbers = {"pose": pose, "wrist": joints[:, 0], "betas": found.betas.mean(0)}
+    return {"side": side, "joints": joints, **numbers}
 
 
 def as_estimated(found: Detections) -> tuple[Detections, tuple[str, ...]]:
