@@ -15,7 +15,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.clock import Clock
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.records import Array, Place
+from geneoh.readers.records import Array, Notes, Place
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -157,7 +157,7 @@ class ClipParts:
     """Of the recording, by default the clip's."""
     fps: float | None = None
     """Frames a second, where they are not those of all clips of the source."""
-    notes: tuple[str, ...] = ()
+    notes: Notes = ()
     """What had to be assumed, in words."""
     cross_checks: CrossChecks = field(default_factory=CrossChecks)
     object_known: Array | None = None

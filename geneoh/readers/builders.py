@@ -18,7 +18,7 @@ from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, f
 from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
-from geneoh.readers.records import Array, Record, float32
+from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -31,7 +31,7 @@ NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl
 
 def mano_track(
     numbers: ManoParameters, convention: ManoConvention, options: ReaderOptions, where: str
-) -> tuple[HandTrack, tuple[str, ...]]:
+) -> tuple[HandTrack, Notes]:
     """A track from MANO parameters, with keypoints where they can be had, and what was assumed."""
     refuse_other_lengths(where, numbers)
     mano = options.mano(numbers.side, convention.left_hand)
@@ -90,7 +90,7 @@ def refuse_other_lengths(where: str, numbers: ManoParameters) -> None:
 
 def wrist_of(
     numbers: ManoParameters, convention: ManoConvention, mano: Mano | None, betas: Array
-) -> tuple[Array, tuple[str, ...]]:
+) -> tuple[Array, Notes]:
     """(T, 3) the wrist, exact with the model or stored keypoints, else that of the mean hand."""
     if convention.translation == "wrist":
         return numbers.translation, ()
@@ -174,7 +174,7 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
 
 def callers_object(
     options: ReaderOptions, frames: int, where: str, first: int = 0
-) -> tuple[ObjectTrack, tuple[str, ...]]:
+) -> tuple[ObjectTrack, Notes]:
     """The caller's object beside a source that has none; without one, nothing that moves."""
     if options.object_pose is None and options.meshes:
         raise InputError(
@@ -193,7 +193,7 @@ def callers_object(
 
 def poses_of_frames(
     poses: Array, first_pose: int, frames: int, where: str, first: int
-) -> tuple[Array, tuple[str, ...]]:
+) -> tuple[Array, Notes]:
     """Of a whole video's poses those of the frames from number `first` on, with a note."""
     begin, last = first - first_pose, first + frames - 1
     if first and begin >= 0 and begin + frames <= len(poses):

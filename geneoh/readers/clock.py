@@ -14,7 +14,7 @@ from torch import Tensor
 
 from geneoh.bundle import FRAMES
 from geneoh.errors import InputError
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.resample import MOST_FRAMES, at_times
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -78,7 +78,7 @@ class Clock:
         return np.arange(round(self.at[-1]) + 1)
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> Notes:
         """What a user should know of it, in words."""
         said, seen = [], self.observed
         if lost := int((~seen).sum()):
@@ -118,7 +118,7 @@ def observed_in(hand: HandTrack, valid: Bool[Tensor, " T"]) -> HandTrack:
     return replace(hand.map(masked, FRAMES), camera_ray=hand.camera_ray)
 
 
-def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:
+def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, Notes]:
     """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
     if stored is not None and given is not None and stored != given:
         raise InputError(
@@ -133,7 +133,7 @@ def rate_of(stored: float | None, given: float | None, where: str) -> tuple[floa
 
 def timing_of(
     record: Record, frames: int, given: float | None
-) -> tuple[float, Clock | None, tuple[str, ...]]:
+) -> tuple[float, Clock | None, Notes]:
     """Frames a second, by file or caller, when the frames were taken, and what to know of it."""
     record = replace(record, values=dict(record.values) | dates_in(record))
     stored = record.optional_number("fps", "save it as fps=30.0")
@@ -171,7 +171,7 @@ def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
     return clock
 
 
-def unread_times(record: Record, frames: int) -> tuple[str, ...]:
+def unread_times(record: Record, frames: int) -> Notes:
     """Notes on fields of times that are no numbers, such as dates, or not as many as frames."""
     return tuple(
         f"'{name}' is not one number a frame and was not read"

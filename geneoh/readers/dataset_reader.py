@@ -15,7 +15,7 @@ import torch
 from geneoh.errors import InputError
 from geneoh.readers import base, builders, meshes
 from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Notes
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import seen_from
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -112,9 +112,7 @@ def reads(
     return lambda parts: DatasetReader(parts, patterns, **how)
 
 
-def object_of(
-    parts: ClipParts, options: ReaderOptions, where: str
-) -> tuple[ObjectTrack, tuple[str, ...]]:
+def object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[ObjectTrack, Notes]:
     """The object of an interaction, or the caller's where its source has none, and a note then."""
     if parts.stated is not None:
         return parts.stated, ()

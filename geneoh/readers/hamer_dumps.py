@@ -20,7 +20,7 @@ from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.readers import transforms
 from geneoh.readers.foreign_files import read_json
-from geneoh.readers.records import FRAME_LIMIT, Array, Record, described
+from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, described
 
 ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy", ".json")
 DEMO_FOCAL = 5000.0 / 256.0
@@ -90,7 +90,7 @@ def frames_of_names(names: list[str], where: Path) -> list[int]:
     return differing[0].tolist()
 
 
-def read_detections(path: Path, focal: float | None) -> tuple[Detections, tuple[str, ...]]:
+def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]:
     """Every detection of a file or a folder, and what was assumed of these."""
     found, notes = [], []
     batches = batches_of_file(path) if path.is_file() else batches_of_folder(path, notes)

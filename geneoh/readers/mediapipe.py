@@ -18,7 +18,7 @@ from geneoh.choices import OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.readers.clock import CLOCK_NAMES
 from geneoh.readers.hand_checks import of_picture
-from geneoh.readers.records import Array, Record, as_record
+from geneoh.readers.records import Array, Notes, Record, as_record
 
 WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
 WORLD += ("multiHandWorldLandmarks", "world_landmarks")
@@ -52,9 +52,6 @@ class Track:
 
 Tracks = dict[Side | None, Track]
 """The hands of a file by the side that it says; None where it says none."""
-
-Notes = tuple[str, ...]
-"""What had to be assumed, in words."""
 
 
 @dataclass(frozen=True)

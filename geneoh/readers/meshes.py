@@ -14,7 +14,7 @@ from geneoh.files.npz import Arrays
 from geneoh.files.outputs import is_ours
 from geneoh.geometry.mesh import MESH_SUFFIXES, METRES, Mesh, load_mesh
 from geneoh.readers.npz_layouts import MESH_FIELDS
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
 
 FILES, HASHES = MESH_FIELDS
@@ -50,7 +50,7 @@ def read_mesh(path: Path, unit: Unit = "m", *, centred: bool = False) -> Mesh:
     return Mesh((verts - (verts.amax(0) + verts.amin(0)) / 2).float(), mesh.faces)
 
 
-def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
+def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, Notes]:
     """An object with the separate meshes of its one file, if each has a pose, and a note on it."""
     meshes = motion.meshes[0].parts if len(motion.meshes) == 1 else ()
     held = f"the object's mesh file holds {len(meshes)} separate meshes"

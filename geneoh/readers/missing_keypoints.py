@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
+from geneoh.readers.records import Notes
 
 FEWEST = 11
 """Keypoints without which a frame holds no hand: half of them."""
@@ -12,7 +13,7 @@ FEWEST = 11
 
 def without_missing(
     joints: Float[Tensor, "T 21 3"], confidence: Float[Tensor, "T 21"] | None
-) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21"] | None, tuple[str, ...]]:
+) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21"] | None, Notes]:
     """Keypoints that are finite in frames with a hand, their confidence, and what was assumed.
 
     Missing ones get a confidence of 0 and the place of the keypoint before them.

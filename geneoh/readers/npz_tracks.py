@@ -23,7 +23,7 @@ from geneoh.readers.base import finite_frames
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
-from geneoh.readers.records import Array, Record, float32
+from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.readers.transforms import refuse_bottom_row, refuse_other_matrices
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.gaps import fill_object
@@ -36,9 +36,6 @@ MOTION_MISSING = (
 
 IN_CONFIDENCE = "write 0 where nothing is known of a keypoint, or leave the field out"
 """What to do about NaN in a confidence."""
-
-Notes = tuple[str, ...]
-"""What had to be assumed, in words."""
 
 
 def read_hands(

@@ -18,6 +18,9 @@ from geneoh.errors import InputError
 
 Array = np.ndarray
 
+Notes = tuple[str, ...]
+"""What had to be assumed, in words."""
+
 Place = tuple[float | int, float | int, float | int]
 """A point of the world, metres."""
 

@@ -12,6 +12,7 @@ from geneoh.bundle import Bundle, equal_values, repr_by_shapes
 from geneoh.choices import Axis
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import nearest_axis, turn_up
+from geneoh.readers.records import Notes
 from geneoh.sequence.resample import MOST_FRAMES, evenly
 from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 
@@ -44,7 +45,7 @@ class BodyRecording(Bundle):
     gender: str = "neutral"
     sentences: tuple[str, ...] = ()
     """What the file says that the hands do, in any of several wordings."""
-    notes: tuple[str, ...] = ()
+    notes: Notes = ()
     """What had to be assumed, in words."""
 
     __eq__ = equal_values
@@ -63,7 +64,7 @@ class BodyRecording(Bundle):
 
 def upright(
     motion: BodyMotion, skeleton: Skeleton, given: Axis | None, *, usual: Axis | None = None
-) -> tuple[BodyMotion, Axis, tuple[str, ...]]:
+) -> tuple[BodyMotion, Axis, Notes]:
     """A motion in the world of a file with y up instead; the axis that was up; what was assumed.
 
     Where nobody says which one that is, it is the `usual` one of such files, else the one along
@@ -132,7 +133,7 @@ def checked(recording: BodyRecording) -> BodyRecording:
     return replace(recording, notes=(*recording.notes, *about_place(recording)))
 
 
-def about_place(recording: BodyRecording) -> tuple[str, ...]:
+def about_place(recording: BodyRecording) -> Notes:
     """A note where the pelvis is or moves as one does whose place is not in metres."""
     root = recording.motion.root
     far = float(root[:, 1].abs().max())

@@ -26,7 +26,7 @@ from geneoh.readers.bodies.base import BodyRecording, checked, upright
 from geneoh.readers.bodies.model import RestBody, read_model
 from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
-from geneoh.readers.records import Array, Record, as_record, float32
+from geneoh.readers.records import Array, Notes, Record, as_record, float32
 from geneoh.readers.transforms import axis_angles, refuse_other_matrices
 from geneoh.sequence.validation import LARGEST_ANGLE
 
@@ -134,9 +134,7 @@ def layout_of(record: Record) -> Layout:
     )
 
 
-def rotations_of(
-    record: Record, layout: Layout
-) -> tuple[Float[Tensor, "T 52 3 3"], bool, tuple[str, ...]]:
+def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 3"], bool, Notes]:
     """Rotations of all joints, whether the fingers are the file's, and what was assumed of them."""
     if layout.root == layout.body:
         width = record.numbers(layout.body).shape[-1]
@@ -191,9 +189,7 @@ def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
     return found if found.shape[1] == 3 * FINGERS else None
 
 
-def absolute(
-    record: Record, layout: Layout, fingers: Array | None
-) -> tuple[Array | None, tuple[str, ...]]:
+def absolute(record: Record, layout: Layout, fingers: Array | None) -> tuple[Array | None, Notes]:
     """(T, 90) fingers, unless the file calls them relative to a mean pose; what was assumed.
 
     smplx makes bodies with fingers relative to it (`flat_hand_mean=False`) where nobody asks for

@@ -16,7 +16,7 @@ from geneoh.choices import Side
 from geneoh.readers import base, builders, foreign_files, joint_orders, transforms
 from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Notes, Record
 
 MICROSECONDS = 1e-6
 LEAST_CONFIDENCE = 0.7
@@ -58,7 +58,7 @@ def read_side(record: Record, side: Side) -> tuple[Array, Array]:
     return joints, np.clip(np.nan_to_num(confidence), 0, 1)[:, None] * there
 
 
-def read_device(root: Path, seconds: Array) -> tuple[Array | None, tuple[str, ...]]:
+def read_device(root: Path, seconds: Array) -> tuple[Array | None, Notes]:
     """(N, 4, 4) device to world at some times, NaN where it is unknown, if the file is there."""
     path = root / "slam/closed_loop_trajectory.csv"
     if not path.is_file():

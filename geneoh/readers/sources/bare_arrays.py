@@ -33,14 +33,13 @@ from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.mediapipe import refuse_image_landmarks
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_tracks import (
-    Notes,
     frames_with_shape,
     observed_frames,
     read_confidence,
     read_object,
     side_of,
 )
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
 
 KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"

@@ -26,7 +26,7 @@ from geneoh.readers import base, transforms
 from geneoh.readers.builders import hand_track
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hamer_dumps import ENDINGS, Detections, dumps, read_detections
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Notes
 
 FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
 MIRRORED_NOTE = "of left hands some fields were mirrored back already"
@@ -88,7 +88,7 @@ def hand_of(found: Detections, side: Side, first: int, frames: int) -> dict[str,
     return {"side": side, "joints": joints, **numbers}
 
 
-def as_estimated(found: Detections) -> tuple[Detections, tuple[str, ...]]:
+def as_estimated(found: Detections) -> tuple[Detections, Notes]:
     """Detections whose left hands are as they were estimated, of mirrored pictures, and a note.
 
     Poses and keypoints are mirrored or not as they fit each other by the kinematics of a right

@@ -29,7 +29,7 @@ from geneoh.readers import base, builders, foreign_files, transforms
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, frame_number, read_record
 from geneoh.readers.meshes import find_mesh
-from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
+from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, as_record
 
 ID_PARTS = 7
 """Of a sequence's name: camera, person, category, instance, room, layout, task."""
@@ -142,7 +142,7 @@ def part_pose(part: Record) -> Array:
     return pose
 
 
-def read_cameras(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
+def read_cameras(path: Path, frames: int) -> tuple[Array | None, Notes]:
     """(T, 4, 4) camera to world, out of an Open3D trajectory."""
     if not path.is_file():
         return None, ("camera frame: there are no camera poses",)
