@@ -126,9 +126,8 @@ def with_joint_order(record: Record, layout: npz_layouts.Layout, order: JointOrd
     if order == "openpose":
         return record
     refuse_layout(record, layout, "--joint-order", "in OpenPose order")
-    points = record.array(
-        "joints", ("T", ORDERS[order].count, 3), unit=f"in metres, in the order {order}"
-    )
+    shape, unit = ("T", ORDERS[order].count, 3), f"in metres, in the order {order}"
+    points = record.array("joints", shape, unit=unit)
     return in_openpose_order(record, points, order)
 
 
@@ -163,9 +162,8 @@ def in_metres(record: Record, layout: npz_layouts.Layout, unit: Unit | None) -> 
     for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
     if "obj_pose" in record:
-        poses = record.array(
-            "obj_pose", *foreign_files.POSE_SHAPES, remedy=foreign_files.AS_MATRICES
-        ).copy()
+        cure = foreign_files.AS_MATRICES
+        poses = record.array("obj_pose", *foreign_files.POSE_SHAPES, remedy=cure).copy()
         poses[..., :3, 3] *= METRES[unit]
         values["obj_pose"] = poses
     return replace(record, values=values)

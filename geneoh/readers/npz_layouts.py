@@ -19,9 +19,8 @@ Layout = Literal["geneoh-sequence", "smplx", "taco", "joints"]
 
 FORMAT, VERSION = SEQUENCE_FORMAT, 1
 
-HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint_spread") + (
-    "camera_ray",
-)
+HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence")
+HAND_FIELDS += ("joint_spread", "camera_ray")
 """Fields of a hand in our own layout, where each has its side in front."""
 OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose", "object_valid")
 """Fields of the object in every layout."""

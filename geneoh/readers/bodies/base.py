@@ -137,9 +137,8 @@ def about_place(recording: BodyRecording) -> Notes:
     """A note where the pelvis is or moves as one does whose place is not in metres."""
     root = recording.motion.root
     far = float(root[:, 1].abs().max())
-    speed = (
-        float((recording.fps * root.diff(dim=0).norm(dim=-1)).nanmedian()) if len(root) > 1 else 0
-    )
+    speeds = recording.fps * root.diff(dim=0).norm(dim=-1)
+    speed = float(speeds.nanmedian()) if len(speeds) else 0
     if far < FAR_UP and speed < FAST:
         return ()
     return (

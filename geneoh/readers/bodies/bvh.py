@@ -65,16 +65,12 @@ def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) ->
         )
     skeleton, motion, unit = as_body(file, found, path)
     motion, up, notes = upright(motion, skeleton, up)
-    rate, _ = rate_of(
-        file.fps, fps if fps is None or abs(fps - file.fps) > 0.05 else file.fps, str(path)
-    )
+    same = fps is not None and abs(fps - file.fps) <= 0.05  # programs round the time of a frame
+    rate, _ = rate_of(file.fps, file.fps if same else fps, str(path))
     notes = (*notes, f"lengths are taken as {unit}")
     fingers = all(f"{side}_{finger}1" in found for side in SIDES for finger in FINGER_WORDS)
-    return checked(
-        BodyRecording(
-            motion, skeleton, torch.zeros(3), rate, f"{path} (BVH)", up, fingers, notes=notes
-        )
-    )
+    about = (rate, f"{path} (BVH)", up, fingers)
+    return checked(BodyRecording(motion, skeleton, torch.zeros(3), *about, notes=notes))
 
 
 def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton, BodyMotion, str]:

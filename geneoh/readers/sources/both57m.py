@@ -56,7 +56,5 @@ def pose_body(record: Record, rest: RestBody) -> PosedBody:
     record.refuse_lengths("root_orient", "body_pose", "trans")
     turns = transforms.rotation_matrices(np.concatenate([root[:, None], body], axis=1))
     fingers = np.broadcast_to(np.eye(3), (len(turns), 30, 3, 3))
-    motion = BodyMotion(
-        float32(trans) + rest.rest_root, float32(np.concatenate([turns, fingers], axis=1))
-    )
-    return motions.pose(rest.skeleton, motion)
+    rotations = float32(np.concatenate([turns, fingers], axis=1))
+    return motions.pose(rest.skeleton, BodyMotion(float32(trans) + rest.rest_root, rotations))

@@ -155,9 +155,8 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
         offset = np.zeros((len(verts), 3))
         notes = ("centred on the object in each frame: its path is not in the file",)
     else:
-        betas = subject.array("rhand_betas", (10,))
-        wrist = subject.array("rhand_transl", ("T", 3)) + mano.wrist_offset(betas)
-        offset = (subject.array("rhand_verts", ("T", VERTS, 3)) - verts).mean(1)
+        betas, places, moved_verts = subject
+        wrist, offset = places + mano.wrist_offset(betas), (moved_verts - verts).mean(1)
     name, mesh = read_object(record, clip.path, options)
     # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
     rotation = rotation_matrices(record.array("f5", ("T", 3))).transpose(0, 2, 1)
@@ -199,8 +198,8 @@ def side_of(record: Record) -> Side:
     return "left" if left.any() else "right"
 
 
-def read_subject(path: Path, side: Side, frames: int) -> Record | None:
-    """GeneOH's betas and places of a right hand, if they are there."""
+def read_subject(path: Path, side: Side, frames: int) -> tuple[Array, Array, Array] | None:
+    """GeneOH's betas, places and (T, 778, 3) vertices of a right hand, if they are there."""
     split = path.parent
     folders = (split, split.parent.with_name(f"{split.parent.name}_wsubj") / split.name)
     files = [folder / f"{path.stem}_subj.npy" for folder in folders]
@@ -208,9 +207,9 @@ def read_subject(path: Path, side: Side, frames: int) -> Record | None:
     if found is None or side == "left":
         return None
     record = foreign_files.read_record(found)
-    record.array("rhand_transl", (frames, 3), remedy="it belongs to another clip")
-    record.array("rhand_verts", (frames, VERTS, 3), remedy="it belongs to another clip")
-    return record
+    places = record.array("rhand_transl", (frames, 3), remedy="it belongs to another clip")
+    verts = record.array("rhand_verts", (frames, VERTS, 3), remedy="it belongs to another clip")
+    return record.array("rhand_betas", (10,)), places, verts
 
 
 def shape_and_wrist(

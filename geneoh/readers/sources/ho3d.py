@@ -33,9 +33,8 @@ def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     to_opencv[:, :3, :3] = OPENCV_FROM_OPENGL
     mean = betas.mean(0) if len(betas) else None
     places = {"joints": builders.joints_if_complete(joints, pose), "to_world": to_opencv}
-    hand = base.ManoParameters(
-        "right", pose, field(records, "handTrans", frames, 3), mean, **places
-    )
+    wrist = field(records, "handTrans", frames, 3)
+    hand = base.ManoParameters("right", pose, wrist, mean, **places)
     turn = transforms.rotation_matrices(field(records, "objRot", frames, 3))
     name = object_name(records)
     folder = options.objects or base.ancestor(clip.path, 2) / "models"

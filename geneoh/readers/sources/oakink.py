@@ -98,9 +98,8 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     stride = int(np.median(steps)) if len(steps) else 1
     frames = nearest_frames(record, numbers, stride)
     count = max(frames.values()) + 1
-    hands = [
-        read_hand(record.record("raw_mano"), side, frames, count) for side in ("right", "left")
-    ]
+    stored = record.record("raw_mano")
+    hands = [read_hand(stored, side, frames, count) for side in ("right", "left")]
     for item in record.texts("obj_list"):
         places = record.record("obj_transf").record(item)
         poses = {t: places.array(n, (4, 4)) for n, t in frames.items() if n in places}
@@ -123,10 +122,9 @@ def nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int,
 
 def read_hand(hands: Record, side: Side, frames: dict[int, int], count: int) -> base.ManoParameters:
     """One hand in `count` frames; NaN in those that lack it."""
-    prefix = f"{side[0]}h__"
     there = {n: t for n, t in frames.items() if hands.values.get(n) is not None}
     steps = {t: as_record(hands.values[n], f"{hands.where} {n}") for n, t in there.items()}
-    names = [f"{prefix}{name}" for name in ("pose_coeffs", "tsl", "betas")]
+    names = [f"{side[0]}h__{name}" for name in ("pose_coeffs", "tsl", "betas")]
     steps = {t: step for t, step in steps.items() if step.values.get(names[0]) is not None}
     return builders.hand_by_frame(side, steps, count, *names, quaternions=True)
 
