@@ -24,7 +24,7 @@ from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Notes, Record, float32
-from geneoh.readers.transforms import refuse_bottom_row, refuse_other_matrices
+from geneoh.readers.transforms import read_turns, refuse_bottom_row
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
@@ -165,12 +165,8 @@ def mean_to_add(
 def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:
     """`count` rotations per frame as axis-angle, from axis-angle or from matrices."""
     remedy = "decode PCA coefficients to 15 axis-angle triples first" if count > 1 else ""
-    shapes = [("T", 3 * count), ("T", count, 3), ("T", count, 3, 3)]
-    array = record.array(name, *shapes, unit="in radians", remedy=remedy)
-    if array.ndim < 4:
-        return float32(array).reshape(-1, count, 3)
-    refuse_other_matrices(record, name, array)
-    return matrix_to_axis_angle(float32(array))
+    turns = float32(read_turns(record, name, count, remedy=remedy))
+    return turns if turns.ndim < 4 else matrix_to_axis_angle(turns)
 
 
 def offset_of_wrist(

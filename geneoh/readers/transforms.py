@@ -53,6 +53,16 @@ def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
         )
 
 
+def read_turns(record: Record, name: str, *counts: int, remedy: str = "") -> Array:
+    """(T, J, 3) axis-angle or (T, J, 3, 3) matrices, which are checked, of so many joints."""
+    shapes = [s for n in counts for s in (("T", 3 * n), ("T", n, 3), ("T", n, 3, 3))]
+    turns = record.array(name, *shapes, unit="in radians", remedy=remedy)
+    if turns.ndim < 4:
+        return turns.reshape(len(turns), -1, 3)
+    refuse_other_matrices(record, name, turns)
+    return turns
+
+
 def converted(
     values: Array, usable: Array, convert: Callable[[Array], Array], *shape: int
 ) -> Array:

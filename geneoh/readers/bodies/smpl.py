@@ -27,7 +27,7 @@ from geneoh.readers.bodies.model import RestBody, read_model
 from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.records import Array, Notes, Record, as_record, float32
-from geneoh.readers.transforms import axis_angles, refuse_other_matrices
+from geneoh.readers.transforms import axis_angles, read_turns
 from geneoh.sequence.validation import LARGEST_ANGLE
 
 RATES = ("fps", "mocap_frame_rate", "mocap_framerate")
@@ -161,12 +161,8 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
 
 def turns_of(record: Record, name: str, *counts: int) -> Array:
     """(T, 3J) axis-angle of one of so many joints, which may be matrices, as HMR 2.0 writes."""
-    shapes = [s for n in counts for s in (("T", 3 * n), ("T", n, 3), ("T", n, 3, 3))]
-    turns = record.array(name, *shapes, unit="in radians")
-    if turns.ndim == 4:
-        refuse_other_matrices(record, name, turns)
-        turns = axis_angles(turns)
-    return turns.reshape(len(turns), -1)
+    turns = read_turns(record, name, *counts)
+    return (turns if turns.ndim < 4 else axis_angles(turns)).reshape(len(turns), -1)
 
 
 def in_radians(record: Record, name: str, turns: Array) -> Array:
