@@ -184,9 +184,7 @@ def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:
     seen = {label: track.trust > 0 for label, track in tracks.items()}
     if len(tracks) < 2 or np.sum(list(seen.values()), axis=0).max() > 1:
         return tracks, ()
-    counts: dict[Side, int] = {
-        label: int(seen[label].sum()) for label in tracks if label is not None
-    }
+    counts: dict[Side, int] = {label: int(seen[label].sum()) for label in tracks if label}
     named: Side = side or max(counts, key=counts.__getitem__)
     whole = empty_track(len(next(iter(seen.values()))))
     for label, track in tracks.items():

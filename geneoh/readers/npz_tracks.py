@@ -76,9 +76,7 @@ def side_of(record: Record, given: Side | None) -> Side:
 def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...], Notes]:
     """Our own layout: up to two hands, each field with its side in front."""
     names: dict[Side, dict[str, str]] = {s: npz_layouts.own_names(s) for s in ("right", "left")}
-    sides: list[Side] = [
-        side for side in names if any(name in record for name in names[side].values())
-    ]
+    sides: list[Side] = [s for s in names if record.values.keys() & names[s].values()]
     if not sides or given not in (None, *sides):
         wanted = f"a {given} hand" if given else "at least one hand"
         cure = "drop --side" if sides else f"add '{given or 'right'}_joints'"
