@@ -40,7 +40,7 @@ def test_poses_of_a_slower_video_are_those_between():
 
 
 def test_three_stops_are_enough_where_they_are_brief():
-    """As in a short carry whose poses come ten times a second; rests of a third of a second last."""
+    """Such as those of a short carry whose poses come ten times a second; rests last longer."""
     motion, at = swing(), torch.arange(FRAMES)
     for length, expected in ((2, 6), (10, 0)):
         held = at.clone()
