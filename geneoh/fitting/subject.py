@@ -13,7 +13,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, bone_lengths, forward_kinematics, rest_offsets
-from geneoh.sequence.gaps import blendable
+from geneoh.sequence.gaps import Carrier, blendable
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015  # mean metres between given joints and those of the pose up to which it is used
@@ -52,17 +52,17 @@ class Subject(Bundle):
         return replace(self, joints=torch.where(useless[..., None], made, self.joints))
 
 
-def subject_of(track: HandTrack, model: HandModel) -> Subject:
+def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = None) -> Subject:
     """Shape, keypoints and start of a right-hand track, on its device; joints decide over the pose.
 
-    Frames without any confidence are gaps. Betas of `model` are used as they are; else the shape is
-    fitted to the rest skeleton (pose and joints) or to bone lengths (joints), or it is the mean
-    hand (pose), which is noted.
+    Frames without any confidence are gaps, through which a carrier may carry the hand. Betas of
+    `model` are used as they are; else the shape is fitted to the rest skeleton (pose and joints) or
+    to bone lengths (joints), or it is the mean hand (pose), which is noted.
     """
     notes: list[str] = []
     skeleton: Float[Tensor, "20 3"] | None = None
     trust, model = track.trust, model.to(track.valid.device)
-    filled = blendable(track)
+    filled = blendable(track, carrier)
     known = track.betas if track.hand_model == model.name else None
     rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
     if filled.joints is None:

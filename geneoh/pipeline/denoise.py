@@ -19,9 +19,10 @@ from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.library import hand_of_betas
-from geneoh.hand.model import ShapedHand
+from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
+from geneoh.objects.carrying import carrier_of
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_of
@@ -116,7 +117,10 @@ def denoise(
 
 def with_one_shape(sequence: Sequence, options: Options) -> Sequence:
     """The sequence whose hands with keypoints have the betas that fit those of all frames."""
-    subjects = {hand.side: _subject(hand, options) for hand in normalised_hands(sequence)}
+    subjects = {
+        hand.side: subject_of(hand.track, _model(hand, options))
+        for hand in normalised_hands(sequence)
+    }
 
     def shaped(hand: HandTrack) -> HandTrack:
         subject = subjects[hand.side]
@@ -162,7 +166,7 @@ def clean_interaction(
         moved = hand.to(options.device)
         found = _fitted(
             moved,
-            _subject(moved, options),
+            _model(moved, options),
             relied.to(options.device),
             None if examined is None else examined.white_noise,
             denoisers,
@@ -197,18 +201,18 @@ def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> Han
     )
 
 
-def _subject(hand: NormalisedHand, options: Options) -> Subject:
-    """Whose hand it is, as a right one."""
+def _model(hand: NormalisedHand, options: Options) -> HandModel:
+    """The model of whose hand it is, as a right one."""
     model = hand_of_betas(
         hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
     )
-    return subject_of(hand.track, hand.right_model(model))
+    return hand.right_model(model)
 
 
 @torch.no_grad()
 def _fitted(
     hand: NormalisedHand,
-    subject: Subject,
+    model: HandModel,
     relied: Float[Tensor, "N Q"],
     object_noise: Float[Tensor, " 2"] | None,
     denoisers: Denoisers,
@@ -219,10 +223,13 @@ def _fitted(
     """One normalised hand: three stages, selection, fit. Frames fall back to the hand alone by as
     much as `relied`, how far the poses of the object's parts are relied on, is below 1."""
     generator = torch.Generator().manual_seed(seed)
+    surface = hand.object.surface() if hand.object.meshes else None
+    held = surface if chosen.has_object else None
+    carrier = None if held is None else carrier_of(hand.track, held, relied)
+    subject = subject_of(hand.track, model, carrier)
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
     given = subject.parameters()
     subject = subject.completed(given)
-    surface = hand.object.surface() if hand.object.meshes else None
     near = torch.full_like(relied[:, 0], float(surface is not None and chosen.has_object))
     poses = relied.amin(1)
     if surface is not None and chosen.has_object and chosen.clean_object:

@@ -19,6 +19,7 @@ from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel
+from geneoh.objects.carrying import carrier_of
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_at
@@ -157,7 +158,7 @@ class RecentHand:
             return
         first, whole, motion = self._pushed - track.frames, track, fill_object(motion)
         track, _ = without_faults_of(track, NETWORK_FPS, motion)
-        subject = self._subject(track)
+        subject = self._subject(track, self._placed(motion))
         given = self._parameters(subject, track, first, frames_alike(whole, track))
         subject = subject.completed(given)
         ray = self._ray(track, motion)
@@ -214,9 +215,24 @@ class RecentHand:
             self._found = found_ray(track, motion, NETWORK_FPS) or self._found
         return self._found and self._found.direction.expand(track.frames, 3)
 
-    def _subject(self, track: HandTrack) -> Subject:
+    def _placed(self, motion: ObjectTrack) -> MovingSurface | None:
+        """The parts of the object that were seen, in a motion; None without any."""
+        if self._surface is None or not motion.is_seen or not self._chosen.has_object:
+            return None
+        parts = motion.seen_parts
+        return MovingSurface(
+            tuple(self._surface.fields[part] for part in parts),
+            motion.rotation[:, parts],
+            motion.translation[:, parts],
+            self._surface.within,
+        )
+
+    def _subject(self, track: HandTrack, surface: MovingSurface | None) -> Subject:
         """The hand of the window, whose shape is kept when enough was seen of it."""
-        subject = subject_of(track, self._model)
+        carrier = None
+        if surface is not None:
+            carrier = carrier_of(track, surface, torch.ones_like(surface.translation[..., 0]))
+        subject = subject_of(track, self._model, carrier)
         if self._shape is not None:
             kept = self._shape
             return replace(subject, shaped=kept.shaped, betas=kept.betas, offsets=kept.offsets)
@@ -255,20 +271,15 @@ class RecentHand:
         hand is taken to deal with it; and the noise."""
         whole = subject.joints.new_ones(len(subject.joints))
         relied, near, noise = whole[:, None], whole, None
-        if self._surface is None or not motion.is_seen or not self._chosen.has_object:
+        if self._placed(motion) is None:
             return None, whole, torch.zeros_like(whole), None
         if self._chosen.clean_object:
             palm = palm_at(subject.joints, subject.trust)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
             relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, motion.seen_parts]
             noise = examined.white_noise
-        parts = motion.seen_parts
-        surface = MovingSurface(
-            tuple(self._surface.fields[part] for part in parts),
-            motion.rotation[:, parts],
-            motion.translation[:, parts],
-            self._surface.within,
-        )
+        surface = self._placed(motion)
+        assert surface is not None, "cleaning loses no part"
         if self._chosen.clean_object:
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise

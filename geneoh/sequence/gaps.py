@@ -8,8 +8,9 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from geneoh.bundle import FRAMES
+from geneoh.bundle import FRAMES, concatenated
 from geneoh.errors import numbered
+from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
 from geneoh.sequence.keypoints import PALM, keypoints
@@ -74,26 +75,62 @@ def with_frames(
     return replace(moved, pose=turns, camera_ray=ray)
 
 
-def fill_gaps(hand: HandTrack) -> HandTrack:
+@dataclass(frozen=True)
+class Carrier:
+    """The motion of what carries a hand through the frames in which it is not seen."""
+
+    pose: Rigid  # of T frames, to the world
+    share: Float[Tensor, " T"]
+    """How surely it carries the hand, 0 to 1, in each frame in which the hand is seen."""
+
+
+def fill_gaps(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
     """The same track with finite numbers in every frame; `valid` still says which were observed.
 
     Points run on a straight line across a gap and rotations on the shorter arc; before the first
-    observed frame and after the last one the hand is held still. Observed frames are not touched.
+    observed frame and after the last one the hand is held still. That is so in the world, and seen
+    from a carrier as far as that carries the hand beside the gap. Observed frames are not touched.
     The hand must be observed in at least one frame.
     """
     if bool(hand.valid.all()):
         return hand
-    return observed_around(hand.valid).hand(hand, hand.valid)
+    between = observed_around(hand.valid)
+    still = between.hand(hand, hand.valid)
+    if carrier is None:
+        return still
+    share = between.points(carrier.share).masked_fill(hand.valid, 0.0)
+    if not bool((share > 0).any()):
+        return still
+    carried = moved(between.hand(moved(hand, carrier.pose.inverse()), hand.valid), carrier.pose)
+    both = concatenated([still, carried])
+    frames = torch.arange(len(share), device=share.device)
+    return FrameInterpolation(frames, frames + len(share), share).hand(both, hand.valid)
 
 
-def blendable(hand: HandTrack) -> HandTrack:
+def moved(hand: HandTrack, pose: Rigid) -> HandTrack:
+    """The hand after a motion of each frame; nothing else of the track changes."""
+
+    def placed(points: Tensor | None) -> Tensor | None:
+        return None if points is None else pose.apply(points)
+
+    turned = hand.pose
+    if turned is not None:
+        whole = matrix_to_axis_angle(pose.rotation @ matrices(turned[:, 0]))
+        turned = torch.cat([whole[:, None], turned[:, 1:]], dim=1)
+    wrist = placed(None if hand.wrist is None else hand.wrist[:, None])
+    wrist = None if wrist is None else wrist[:, 0]
+    return replace(hand, pose=turned, wrist=wrist, joints=placed(hand.joints))
+
+
+def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
     """The same track with places of the hand in every frame, which may be mixed with one another.
 
-    Frames without any confidence are gaps too, and not `valid`. A keypoint without confidence lies
-    on a straight line between the frames in which it has some; where it never has any, it stays.
+    Frames without any confidence are gaps too, and not `valid`; `carrier` as for `fill_gaps`. A
+    keypoint without confidence lies on a straight line between the frames in which it has some;
+    where it never has any, it stays.
     """
     trusted, seen = hand.trust > 0, hand.observed
-    filled = fill_gaps(replace(hand, valid=seen))
+    filled = fill_gaps(replace(hand, valid=seen), carrier)
     lost = (~trusted[seen]).any(0) & trusted.any(0)
     if filled.joints is None or not bool(lost.any()):
         return filled
