@@ -5,9 +5,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface
-from geneoh.objects.evidence import OFF, TOUCHING, distance_of_nearest, share_between
+from geneoh.objects.evidence import distance_of_nearest, share_between
 from geneoh.sequence.gaps import Carrier, filled_keypoints
 from geneoh.sequence.sequence import HandTrack
+
+HELD, FREE = 0.015, 0.03
+"""Distance in metres between surface and nearest keypoint beside a gap: up to the first the hand
+holds what is there, from the second on it does not. Keypoints lie 10 mm inside the hand."""
 
 
 def carrier_of(
@@ -29,7 +33,7 @@ def carrier_of(
     )
     part = int(away.mean(0).argmin())
     share = torch.zeros_like(relied[:, part])
-    held = share_between(away[:, part], TOUCHING, OFF).to(share)
+    held = share_between(away[:, part], HELD, FREE).to(share)
     share[beside] = held * relied[beside, part]
     _, pose = list(surface.parts)[part]
     return Carrier(pose, share)

@@ -4,8 +4,17 @@ from dataclasses import replace
 import torch
 
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.sequence.gaps import blendable, fill_gaps, fill_object, filled_poses, observed_around
+from geneoh.sequence.gaps import (
+    Carrier,
+    blendable,
+    fill_gaps,
+    fill_object,
+    filled_poses,
+    moved,
+    observed_around,
+)
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 T = 6
@@ -131,3 +140,29 @@ def test_an_object_whose_poses_begin_with_the_identity_rests_there():
     turn[2:] = axis_angle_to_matrix(torch.tensor([0.0, 0.0, 0.5]))
     place = (middle - turn @ middle).reshape(6, 1, 3)
     assert fill_object(ObjectTrack((mesh,), turn, place)).valid is None
+
+
+def carried(share: list[float]) -> Carrier:
+    """What moves and turns as the hand does not, and carries it so surely in each frame."""
+    turn = axis_angle_to_matrix(0.4 * TIME[:, None] * torch.tensor([0.0, 0.0, 1.0]))
+    return Carrier(Rigid(turn, 0.2 * MOVING**2), torch.tensor(share).float())
+
+
+def test_a_hand_that_is_carried_stays_where_it_is_on_its_carrier():
+    carrier = carried([0, 1, 0, 1, 0, 0])
+    rest = replace(HAND, joints=torch.ones(T, 21, 3), wrist=torch.ones(T, 3), pose=0 * TURNING)
+    whole = moved(rest, carrier.pose)
+    valid = torch.tensor([True, True, False, True, False, False])
+    found = fill_gaps(replace(whole, valid=valid), carrier)
+    for got, want in zip(fields(found), fields(whole), strict=True):
+        torch.testing.assert_close(got, want, rtol=0, atol=1e-5)
+    assert torch.equal(found.joints[valid], whole.joints[valid])
+
+
+def test_a_hand_that_is_carried_at_one_end_of_a_gap_alone_leaves_its_carrier():
+    hand = lost(2, 3)
+    still = fill_gaps(hand)
+    found, whole = (fill_gaps(hand, carried([0, end, 0, 0, 1, 0])) for end in (0, 1))
+    expected = still.joints + (whole.joints - still.joints) / 3
+    torch.testing.assert_close(found.joints[2], expected[2], rtol=0, atol=1e-6)
+    assert fill_gaps(hand, carried([0.0] * T)).joints.equal(still.joints)

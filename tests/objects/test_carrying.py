@@ -1,0 +1,50 @@
+"""What carries a hand through the frames in which it is not seen."""
+
+import pytest
+import torch
+import trimesh
+
+from geneoh.geometry.mesh import from_trimesh
+from geneoh.objects.carrying import carrier_of
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+FRAMES, LOST = 12, slice(4, 9)
+BALL = from_trimesh(trimesh.creation.icosphere(subdivisions=2, radius=0.03))
+PLACES = torch.zeros(FRAMES, 2, 3)
+PLACES[:, 1, 0] = 1.0
+OBJECT = ObjectTrack((BALL, BALL), torch.eye(3).repeat(FRAMES, 2, 1, 1), PLACES)
+RELIED = torch.ones(FRAMES, 2)
+
+
+def hand_at(before: float, after: float) -> HandTrack:
+    """A hand so far from the surface of the second ball before its gap and after it, metres."""
+    away = torch.cat([torch.full((6,), before), torch.full((6,), after)])
+    joints = torch.zeros(FRAMES, 21, 3)
+    joints[..., 0] = (1.03 + away)[:, None]
+    valid = torch.ones(FRAMES, dtype=torch.bool)
+    valid[LOST] = False
+    return HandTrack("right", valid, joints=joints.masked_fill(~valid[:, None, None], torch.nan))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "share"), [(0.0, 0.01, (1, 1)), (0.03, 0.1, (0.5, 0)), (0.1, 0.1, (0, 0))]
+)
+def test_a_hand_is_carried_by_the_part_that_it_is_at_beside_its_gap(before, after, share):
+    carrier = carrier_of(hand_at(before, after), OBJECT.surface(), RELIED)
+    assert carrier.pose.translation.equal(PLACES[:, 1])
+    found = carrier.share[[LOST.start - 1, LOST.stop]]
+    torch.testing.assert_close(found, torch.tensor(share).float(), atol=0.05, rtol=0)
+    assert float(carrier.share[: LOST.start - 1].sum() + carrier.share[LOST.stop + 1 :].sum()) == 0
+
+
+def test_a_part_carries_no_more_than_its_poses_are_relied_on():
+    relied = RELIED.clone()
+    relied[LOST.stop :, 1] = 0.25
+    carrier = carrier_of(hand_at(0.0, 0.0), OBJECT.surface(), relied)
+    assert carrier.share[[LOST.start - 1, LOST.stop]].tolist() == [1.0, 0.25]
+
+
+def test_a_hand_that_is_seen_all_along_needs_no_carrier():
+    joints = torch.zeros(FRAMES, 21, 3)
+    seen = HandTrack("right", torch.ones(FRAMES, dtype=torch.bool), joints=joints)
+    assert carrier_of(seen, OBJECT.surface(), RELIED) is None

@@ -1,0 +1,46 @@
+"""Hands that are lost while they carry an object."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+import geneoh
+from geneoh.sequence.sequence import Sequence
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SEEN = 30
+
+
+@pytest.fixture(scope="module")
+def carried() -> Sequence:
+    """The end of the recording, in which the hand carries its object on by 20 cm."""
+    clean = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+    return clean[70:125]
+
+
+def off(joints: torch.Tensor, truth: Sequence) -> float:
+    """Mean error of the keypoints in the frames without a hand, metres."""
+    return float((joints - truth.hands[0].joints)[SEEN:].norm(dim=-1).mean())
+
+
+def test_a_hand_that_is_lost_while_it_carries_goes_on_with_its_object(carried):
+    hand = carried.hands[0]
+    valid = torch.arange(carried.frames) < SEEN
+    lost = replace(carried, hands=(replace(hand, valid=valid),))
+    found = geneoh.denoise(lost, preset="fast")
+    assert off(hand.joints[[SEEN - 1]].expand_as(hand.joints), carried) > 0.06
+    assert off(found.sequence.hands[0].joints, carried) < 0.02
+    assert found.hands["left"].filled.equal(~valid)
+
+
+def test_so_does_that_of_a_stream(carried):
+    stream = geneoh.Stream(EXAMPLES / "taco_object.obj", 30, 0.1, side="left", samples=1)
+    hand, motion = carried.hands[0], carried.object
+    for frame in range(carried.frames):
+        pose = motion.rotation[frame], motion.translation[frame]
+        stream.push(hand[frame : frame + 1] if frame < SEEN else None, pose)
+    last = stream.flush()
+    away = torch.cat([clean.hand.joints for clean in last]) - hand.joints[-len(last) :]
+    assert float(away.norm(dim=-1).mean()) < 0.03
