@@ -27,7 +27,7 @@ def hand_at(before: float, after: float) -> HandTrack:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "share"), [(0.0, 0.01, (1, 1)), (0.03, 0.1, (0.5, 0)), (0.1, 0.1, (0, 0))]
+    ("before", "after", "share"), [(0.0, 0.01, (1, 1)), (0.0225, 0.1, (0.5, 0)), (0.1, 0.1, (0, 0))]
 )
 def test_a_hand_is_carried_by_the_part_that_it_is_at_beside_its_gap(before, after, share):
     carrier = carrier_of(hand_at(before, after), OBJECT.surface(), RELIED)
