@@ -1,10 +1,11 @@
 """What carries a hand through the frames in which it is not seen: the part that it holds."""
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.rigid import Rigid
 from geneoh.objects.evidence import distance_of_nearest, share_between
 from geneoh.sequence.gaps import Carrier, filled_keypoints
 from geneoh.sequence.sequence import HandTrack
@@ -12,13 +13,16 @@ from geneoh.sequence.sequence import HandTrack
 HELD, FREE = 0.015, 0.03
 """Distance in metres between surface and nearest keypoint beside a gap: up to the first the hand
 holds what is there, from the second on it does not. Keypoints lie 10 mm inside the hand."""
+AROUND = 6  # frames beside the end of a gap in which a hand is to move with what it holds
+RESTS = 0.006  # deviation of a part's motion at the hand in them below which it rests, metres
 
 
 def carrier_of(
     hand: HandTrack, surface: MovingSurface, relied: Float[Tensor, "T Q"]
 ) -> Carrier | None:
     """The part of the object that the hand is nearest to beside its gaps, and how surely it holds
-    it there: by the distance of the nearest keypoint, and how far the part's poses are relied on.
+    it there: by the distance of the nearest keypoint, by whether the hand moves with the part where
+    that moves, and how far the part's poses are relied on.
 
     None where the hand is seen in all frames.
     """
@@ -32,8 +36,33 @@ def carrier_of(
         [distance_of_nearest(points, there.of_parts([p])) for p in range(len(surface.fields))], 1
     )
     part = int(away.mean(0).argmin())
+    _, pose = list(surface.parts)[part]
     share = torch.zeros_like(relied[:, part])
     held = share_between(away[:, part], HELD, FREE).to(share)
-    share[beside] = held * relied[beside, part]
-    _, pose = list(surface.parts)[part]
+    middle = filled_keypoints(hand).mean(1)
+    along = torch.stack([moves_with(pose, middle, seen, int(frame)) for frame in beside])
+    share[beside] = held * along * relied[beside, part]
     return Carrier(pose, share)
+
+
+def moves_with(
+    pose: Rigid, middle: Float[Tensor, "T 3"], seen: Bool[Tensor, " T"], frame: int
+) -> Float[Tensor, ""]:
+    """1 where the hand moves with a part in the seen frames around one, or where the part rests, 0
+    where it moves over the part by as much as the part moves at the hand."""
+    around = torch.arange(len(seen), device=seen.device)
+    around = around[seen & ((around - frame).abs() <= AROUND)]
+    there = Rigid(pose.rotation[around], pose.translation[around])
+    own = there.inverse().apply(middle[around, None])[:, 0]
+    carried = there.apply(own.mean(0)[None])[:, 0]
+    over, moved = _scatter(own), _scatter(carried)
+    steady = around[2:] - around[:-2] == 2
+    if bool(steady.any()):  # white noise of the hand is none of its motion
+        noise = own.diff(n=2, dim=0)[steady].square().sum(-1).mean() / 6
+        over = (over - noise).clamp(min=0)
+    return torch.where(moved < RESTS**2, 1.0, 2 * (1 - (over / moved).sqrt())).clamp(0, 1)
+
+
+def _scatter(path: Float[Tensor, "N 3"]) -> Float[Tensor, ""]:
+    """Variance of a path about its middle, square metres."""
+    return (path - path.mean(0)).square().sum(-1).mean()

@@ -37,6 +37,23 @@ def test_a_hand_is_carried_by_the_part_that_it_is_at_beside_its_gap(before, afte
     assert float(carrier.share[: LOST.start - 1].sum() + carrier.share[LOST.stop + 1 :].sum()) == 0
 
 
+@pytest.mark.parametrize(
+    ("speed", "along", "share"), [(0.0, 0.0, 1), (0.01, 1.0, 1), (0.01, 0.0, 0)]
+)
+def test_a_hand_is_carried_by_what_it_moves_with_and_not_by_what_passes_under_it(
+    speed, along, share
+):
+    """A belt of two metres, on which the hand lies or which it lets pass, metres a frame."""
+    belt = from_trimesh(trimesh.creation.box((2.0, 0.1, 0.02)))
+    path = torch.arange(FRAMES)[:, None] * torch.tensor([speed, 0.0, 0.0])
+    motion = ObjectTrack((belt,), torch.eye(3).repeat(FRAMES, 1, 1, 1), path[:, None])
+    noise = 0.001 * torch.randn(FRAMES, 1, 3, generator=torch.Generator().manual_seed(0))
+    joints = (along * path + torch.tensor([0.0, 0.0, 0.015]))[:, None].repeat(1, 21, 1) + noise
+    valid = torch.arange(FRAMES) < LOST.start
+    carrier = carrier_of(HandTrack("right", valid, joints=joints), motion.surface(), RELIED[:, :1])
+    assert float(carrier.share[LOST.start - 1]) == pytest.approx(share, abs=0.1)
+
+
 def test_a_part_carries_no_more_than_its_poses_are_relied_on():
     relied = RELIED.clone()
     relied[LOST.stop :, 1] = 0.25
