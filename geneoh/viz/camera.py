@@ -4,7 +4,7 @@ The camera looks at a target from a direction; `right`, `up` and `back` (from th
 are its axes in the world.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,7 @@ HAND_ROOM = 0.22  # room around wrists and head for hands and skull, metres
 DEEP_BONUS = 25.0  # how much more a pixel of skin inside the object counts than another
 
 Axes = Float[np.ndarray, "3 3"]
+Seen = tuple[Float[Tensor, "T N 3"], Bool[Tensor, " T"]]  # vertices; frames in which they are there
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     radius = _radius(scene, targets, axes)
     if scene.object.meshes:
         middles = _middles_of_all(scene, targets, axes)
-        whole = MARGIN * float(_reach_of_all(scene, middles, axes).quantile(WHOLE_FRAMES))
+        whole = MARGIN * _whole(_all(scene), middles, axes)
         if whole < NEARLY * radius:
             targets, radius = middles, whole
     return [Camera(axes, target, radius) for target in targets]
@@ -200,19 +201,19 @@ def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:
 
 def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
     """Radius with which a camera of these axes sees the hands around the targets, metres."""
-    reach = torch.zeros(scene.frames)
-    for hand in (hand for version in scene.versions for hand in version.hands):
-        needed = _reach(hand.verts, targets, axes)
-        reach = torch.maximum(reach, needed.where(hand.valid, reach))
     sizes = [float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes] or [0.0]
-    return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))
+    return MARGIN * max(_whole(_hands(scene), targets, axes), min(max(sizes), MAX_OBJECT))
 
 
-def _seen_of_all(scene: Scene) -> Iterator[tuple[Float[Tensor, "T N 3"], Bool[Tensor, " T"]]]:
-    """Vertices of the hands of all versions, and of the outline of each part of the object, with
-    the frames in which they are there."""
+def _hands(scene: Scene) -> Iterator[Seen]:
+    """The hands of all versions."""
     for hand in (hand for version in scene.versions for hand in version.hands):
         yield hand.verts, hand.valid
+
+
+def _all(scene: Scene) -> Iterator[Seen]:
+    """The hands of all versions, and the outline of each part of the object."""
+    yield from _hands(scene)
     motion = scene.object
     for part, mesh in enumerate(motion.meshes):
         verts = mesh.verts[:: max(1, len(mesh.verts) // OUTLINE)]
@@ -227,21 +228,19 @@ def _middles_of_all(
     across = torch.from_numpy(axes[:2]).float()
     low = torch.full((scene.frames, 2), torch.inf)
     high = -low
-    for verts, there in _seen_of_all(scene):
+    for verts, there in _all(scene):
         seen = (verts - torch.from_numpy(targets).float()[:, None]) @ across.T
         low = torch.minimum(low, seen.amin(1).where(there[:, None], low))
         high = torch.maximum(high, seen.amax(1).where(there[:, None], high))
     return _smooth(scene, targets + ((low + high) / 2).numpy() @ axes[:2])
 
 
-def _reach_of_all(
-    scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes
-) -> Float[Tensor, " T"]:
-    """Radius with which hands and object are whole in each frame, metres."""
-    reach = torch.zeros(scene.frames)
-    for verts, there in _seen_of_all(scene):
+def _whole(seen: Iterable[Seen], targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
+    """Radius with which a camera sees all vertices in nearly all frames, metres."""
+    reach = torch.zeros(len(targets))
+    for verts, there in seen:
         reach = torch.maximum(reach, _reach(verts, targets, axes).where(there, reach))
-    return reach
+    return float(reach.quantile(WHOLE_FRAMES))
 
 
 def _reach(
