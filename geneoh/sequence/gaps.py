@@ -109,17 +109,15 @@ def fill_gaps(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
 
 def moved(hand: HandTrack, pose: Rigid) -> HandTrack:
     """The hand after a motion of each frame; nothing else of the track changes."""
-
-    def placed(points: Tensor | None) -> Tensor | None:
-        return None if points is None else pose.apply(points)
-
-    turned = hand.pose
+    joints, wrist, turned = hand.joints, hand.wrist, hand.pose
+    if joints is not None:
+        joints = pose.apply(joints)
+    if wrist is not None:
+        wrist = pose.apply(wrist[:, None])[:, 0]
     if turned is not None:
         whole = matrix_to_axis_angle(pose.rotation @ matrices(turned[:, 0]))
         turned = torch.cat([whole[:, None], turned[:, 1:]], dim=1)
-    wrist = placed(None if hand.wrist is None else hand.wrist[:, None])
-    wrist = None if wrist is None else wrist[:, 0]
-    return replace(hand, pose=turned, wrist=wrist, joints=placed(hand.joints))
+    return replace(hand, pose=turned, wrist=wrist, joints=joints)
 
 
 def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:

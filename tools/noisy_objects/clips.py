@@ -14,10 +14,12 @@ from torch import Tensor
 from geneoh.choices import Noise, ObjectNoise
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz_files import load
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.gaps import moved
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -91,18 +93,14 @@ def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -
     """A clip whose hand shakes its object."""
     (hand,), motion, frames = sequence.hands, sequence.object, sequence.frames
     assert hand.joints is not None, "every clip has joints"
-    assert hand.pose is not None, "every clip has a pose"
     time = torch.arange(frames)
     share = (4 * (time / (frames - 1) - 0.5).abs()).clamp(1, 1.2).sub(1.2) / -0.2
     angle = share * math.radians(degrees) * torch.sin(2 * math.pi * hertz * time / sequence.fps)
     turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[0])
     pivot = hand.joints[frames // 2, 0] + torch.tensor([0.0, LEVER, 0.0])
-    joints = (hand.joints - pivot) @ turn.mT + pivot
-    whole = matrix_to_axis_angle(turn @ axis_angle_to_matrix(hand.pose[:, 0]))
-    pose = torch.cat([whole[:, None], hand.pose[:, 1:]], dim=1)
     return replace(
         sequence,
-        hands=(replace(hand, joints=joints, wrist=joints[:, 0], pose=pose),),
+        hands=(moved(hand, Rigid(turn, pivot - turn @ pivot)),),
         object=replace(
             motion,
             rotation=turn[:, None] @ motion.rotation,
