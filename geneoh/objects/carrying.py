@@ -31,15 +31,14 @@ def carrier_of(
     beside = torch.nonzero(seen & (lost[:-2] | lost[2:]))[:, 0]
     if len(beside) == 0:
         return None
-    points, there = filled_keypoints(hand)[beside], surface.at(beside)
-    away = torch.stack(
-        [distance_of_nearest(points, there.of_parts([p])) for p in range(len(surface.fields))], 1
-    )
+    joints, there = filled_keypoints(hand), surface.at(beside)
+    parts = [there.of_parts([part]) for part in range(len(surface.fields))]
+    away = torch.stack([distance_of_nearest(joints[beside], each) for each in parts], 1)
     part = int(away.mean(0).argmin())
-    _, pose = list(surface.parts)[part]
+    pose = Rigid(surface.rotation[:, part], surface.translation[:, part])
     share = torch.zeros_like(relied[:, part])
     held = share_between(away[:, part], HELD, FREE).to(share)
-    middle = filled_keypoints(hand).mean(1)
+    middle = joints.mean(1)
     along = torch.stack([moves_with(pose, middle, seen, int(frame)) for frame in beside])
     share[beside] = held * along * relied[beside, part]
     return Carrier(pose, share)

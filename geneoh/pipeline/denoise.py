@@ -224,17 +224,17 @@ def _fitted(
     much as `relied`, how far the poses of the object's parts are relied on, is below 1."""
     generator = torch.Generator().manual_seed(seed)
     surface = hand.object.surface() if hand.object.meshes else None
-    held = surface if chosen.has_object else None
-    carrier = None if held is None else carrier_of(hand.track, held, relied)
+    against = surface if chosen.has_object else None  # what the hand is cleaned against
+    carrier = None if against is None else carrier_of(hand.track, against, relied)
     subject = subject_of(hand.track, model, carrier)
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
     given = subject.parameters()
     subject = subject.completed(given)
-    near = torch.full_like(relied[:, 0], float(surface is not None and chosen.has_object))
+    near = torch.full_like(relied[:, 0], float(against is not None))
     poses = relied.amin(1)
-    if surface is not None and chosen.has_object and chosen.clean_object:
-        poses = evidence_at_hand(relied, subject.joints, surface)
-        near = evidence_of_nearness(subject.joints, surface, hand.fps, hand.track.camera_ray)
+    if against is not None and chosen.clean_object:
+        poses = evidence_at_hand(relied, subject.joints, against)
+        near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
     seconds: dict[str, float] = {}
     progress_of = timed(on_progress, seconds)
     stages = StageRun(denoisers, subject, given, progress_of, generator)

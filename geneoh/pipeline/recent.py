@@ -158,11 +158,12 @@ class RecentHand:
             return
         first, whole, motion = self._pushed - track.frames, track, fill_object(motion)
         track, _ = without_faults_of(track, NETWORK_FPS, motion)
-        subject = self._subject(track, self._placed(motion))
+        surface = self._placed(motion)
+        subject = self._subject(track, surface)
         given = self._parameters(subject, track, first, frames_alike(whole, track))
         subject = subject.completed(given)
         ray = self._ray(track, motion)
-        surface, poses, near, noise = self._object(motion, subject, ray)
+        surface, poses, near, noise = self._object(motion, surface, subject, ray)
         stages = RecentRun(
             self._denoisers,
             subject,
@@ -263,7 +264,11 @@ class RecentHand:
         return found
 
     def _object(
-        self, motion: ObjectTrack, subject: Subject, ray: Float[Tensor, "T 3"] | None
+        self,
+        motion: ObjectTrack,
+        surface: MovingSurface | None,
+        subject: Subject,
+        ray: Float[Tensor, "T 3"] | None,
     ) -> tuple[
         MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " T"], Float[Tensor, " 2"] | None
     ]:
@@ -271,16 +276,15 @@ class RecentHand:
         hand is taken to deal with it; and the noise."""
         whole = subject.joints.new_ones(len(subject.joints))
         relied, near, noise = whole[:, None], whole, None
-        if self._placed(motion) is None:
+        if surface is None:
             return None, whole, torch.zeros_like(whole), None
         if self._chosen.clean_object:
             palm = palm_at(subject.joints, subject.trust)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
-            relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, motion.seen_parts]
-            noise = examined.white_noise
-        surface = self._placed(motion)
-        assert surface is not None, "cleaning loses no part"
-        if self._chosen.clean_object:
+            parts, noise = motion.seen_parts, examined.white_noise
+            relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, parts]
+            rotation, translation = motion.rotation[:, parts], motion.translation[:, parts]
+            surface = replace(surface, rotation=rotation, translation=translation)
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 
