@@ -60,10 +60,14 @@ UNPROVEN = 3.0  # frames of a moving object in which the hand touches it before 
 
 
 def evidence_of_poses(
-    examined: ObjectExamination, motion: ObjectTrack, fps: float
+    examined: ObjectExamination,
+    motion: ObjectTrack,
+    fps: float,
+    off: Float[Tensor, "T Q"] | None = None,
 ) -> Float[Tensor, "T Q"]:
     """Share, 0 to 1, by which each pose of an examined track is relied on; 1 where it is exact, and
-    for a part that was never seen. `motion` is the track after cleaning."""
+    for a part that was never seen. `motion` is the track after cleaning, and `off` how far poses
+    may still be off for other reasons than noise, metres."""
     found = torch.ones_like(examined.confidence)
     lost = examined.confidence == 0
     doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
@@ -83,7 +87,7 @@ def evidence_of_poses(
         relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED))
         relied = gaussian_filter1d(relied, FADE * fps / 30, mode="nearest")
         found[:, part] = torch.from_numpy(relied).to(found)
-    return found
+    return found if off is None else found / (1 + (off / TOLERATED).square())
 
 
 def evidence_at_hand(

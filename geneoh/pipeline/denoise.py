@@ -27,6 +27,7 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_of
 from geneoh.objects.refine import refine_object
+from geneoh.objects.sharpening import sharpened
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
 from geneoh.pipeline.fitted import FittedHand, kept_apart
@@ -151,7 +152,11 @@ def clean_interaction(
         motion, examined = clean_object(motion, sequence.fps, palms)
         notes += repeated
         notes += examined.sentences()
-        evidence = evidence_of_poses(examined, motion, sequence.fps)[:, motion.seen_parts]
+        sharp = sharpened(sequence.hands, motion, examined, sequence.fps)
+        sequence, motion = replace(sequence, hands=sharp.hands), sharp.object
+        notes += sharp.notes
+        relied = evidence_of_poses(examined, motion, sequence.fps, sharp.off)
+        evidence = relied[:, motion.seen_parts]
     # a part that was never seen stands at the origin, where a hand must not meet it
     met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
     seen, said = with_rays(replace(sequence, object=met), chosen)

@@ -21,6 +21,7 @@ from tools.noisy_objects.clips import (
     SPINS,
     WhiteNoise,
 )
+from tools.noisy_objects.filters import FilterKind
 
 KINDS = ("exact", *OBJECT_NOISES)
 HAND = ("result", "result acceleration")
@@ -58,6 +59,10 @@ def cases_of(table: str, seeds: int) -> list[Case]:
             clips = near if table == "hovering" else (BESIDE + name for name in made)
             every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
             return [Case(c, n, k, s) for s, c, n, k in every]
+        case "filtered":
+            kinds = ("exact", *get_args(FilterKind))
+            every = product(range(seeds), made, ("clean", "burst", "gauss"), kinds)
+            return [Case(c, n, k, s) for s, c, n, k in every]
         case "alone":
             every = product(range(seeds), made[:2], noises)
             return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
@@ -66,7 +71,7 @@ def cases_of(table: str, seeds: int) -> list[Case]:
 
 TABLES = (
     *("hands", "trusted", "guard", "shaken", "beside", "hovering", "round", "refined", "white"),
-    *("alone", "limits"),
+    *("filtered", "alone", "limits"),
 )
 
 
@@ -78,6 +83,9 @@ def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
     if table in ("refined", "white"):
         yield from lines_of_objects(found)
         return
+    if table == "filtered":
+        yield from lines_of_filters(found)
+        return
     kinds = list(dict.fromkeys(kind for _, _, kind in found))
     yield f"| clip | noise | input | filter | {' | '.join(kinds)} |"
     yield "|---" * (4 + len(kinds)) + "|"
@@ -86,6 +94,15 @@ def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
         cells = [cell(first, name, f"{name} acceleration") for name in ("input", "filter")]
         cells += [cell(found[clip, noise, kind], *HAND) for kind in kinds]
         yield f"| {clip} | {noise} | {' | '.join(cells)} |"
+
+
+def lines_of_filters(found: dict[tuple[str, str, str], list[Scores]]) -> Iterator[str]:
+    """Input, filter and result for each filter that one of the two went through."""
+    yield "| clip | noise | filtered | input | filter | result |"
+    yield "|---" * 6 + "|"
+    for (clip, noise, kind), scores in found.items():
+        cells = [cell(scores, n, f"{n} acceleration") for n in ("input", "filter", "result")]
+        yield f"| {clip} | {noise} | {kind} | {' | '.join(cells)} |"
 
 
 def cell(found: list[Scores], *names: str) -> str:

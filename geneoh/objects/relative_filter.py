@@ -1,0 +1,196 @@
+"""By what low-pass filter do the object and the hand that moves it differ?
+
+Many pipelines smooth the poses of an object, by a Kalman or a low-pass filter, and leave the hand
+as it is, or the other way round. What was filtered cuts every change of speed short, or comes late,
+and a hand that holds the object seems to move over it.
+
+A low-pass filter whose kernel has the mean delay m and the variance v turns a motion x into f = x -
+m x' + (m² + v) / 2 x'' - ..., so that x is f + m f' + (m² - v) / 2 f'' - ... Both numbers follow by
+least squares from how far the palm is beside where the object would carry it.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+
+from geneoh.objects.palms import RigidMotion
+from geneoh.sequence.sequence import ObjectTrack
+
+LEVER = 0.05
+"""Metres from the middle of the palm to the points that tell how it turns."""
+REACH = 0.12
+"""Metres from the box around a part to the middle of the palm up to which the hand may hold it."""
+LASTING, JITTER = 0.4, 1 / 30
+"""Seconds, deviations of the Gaussians: what lasts longer than the first tells of no filter, and
+the second takes out white noise."""
+BLOCK, LEAST_BLOCKS = 0.5, 3
+"""Seconds of the blocks of which each is left out in turn, to see how sure the filter is; and the
+least number of them."""
+LEAST_VARIANCE, SURE, EXPLAINED = 0.0044, 2.5, 0.05
+"""Variance in seconds² from which on a filter counts, that of a Gaussian of two frames at 30 a
+second; that many standard errors from zero; and the share of the palm's motion over the object that
+it explains."""
+EARLY = 0.3
+"""Deviations of its kernel by which a filter may seem to come early: none does."""
+LEAST_DELAY, SURELY, MOSTLY = 0.025, 3.0, 0.15
+"""The same of a delay, in seconds."""
+TOLD_DELAY = 0.02  # seconds of a filter's delay from which on it is told
+LAG = 0.5
+"""Variance of a filter that comes late, in squares of its delay; that of the usual one, in which
+each frame counts by a constant share, is more than one."""
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A low-pass filter over time, by the first two moments of its kernel."""
+
+    delay: float
+    """Mean delay, seconds."""
+    variance: float
+    """Variance, seconds²."""
+
+    def undone(self, values: Float[Tensor, "T ..."], fps: float) -> Float[Tensor, "T ..."]:
+        """The motion that was filtered, to second order."""
+        array = values.double().cpu().numpy()
+        first, second = self.delay * fps, (self.delay**2 - self.variance) * fps**2 / 2
+        sharp = array + first * rate(array) + second * rate(rate(array))
+        return torch.from_numpy(sharp).to(values)
+
+    def __str__(self) -> str:
+        late = f" and {1000 * self.delay:.0f} ms late" if self.delay > TOLD_DELAY else ""
+        return f"as by a filter with a deviation of {1000 * self.variance**0.5:.0f} ms{late}"
+
+    def __add__(self, other: "LowPass") -> "LowPass":
+        """One after the other."""
+        return LowPass(self.delay + other.delay, self.variance + other.variance)
+
+
+@dataclass(frozen=True)
+class Found:
+    """The filter that one of two motions seems to have gone through and the other not."""
+
+    filter: LowPass
+    delay_error: float
+    """Standard error of its delay, seconds."""
+    variance_error: float
+    """Standard error of its variance, seconds²."""
+    explained: float
+    """Share of the squares of the palm's motion over the part that it explains."""
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether its kernel is wide for sure."""
+        least = max(LEAST_VARIANCE, SURE * self.variance_error)
+        wide = self.filter.variance > least and self.explained > EXPLAINED
+        return wide and self.filter.delay > -EARLY * math.sqrt(self.filter.variance)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether one motion comes later or earlier than the other for sure."""
+        least = max(LEAST_DELAY, SURELY * self.delay_error)
+        return abs(self.filter.delay) > least and self.explained > MOSTLY
+
+    @property
+    def breadth(self) -> float:
+        """Variance in squares of the delay, with the sign of the delay."""
+        return self.filter.variance / max(self.filter.delay**2, 1e-12)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How a part of an object moves beside a palm near to it."""
+
+    of_part: Found
+    """What the part went through and the palm did not, by the rates of the part."""
+    of_palm: Found
+    """What the palm went through and the part did not, by the rates of the palm."""
+
+    @property
+    def filter_of_part(self) -> LowPass | None:
+        """The filter that the part went through; None for none."""
+        filtered = self.of_part.is_wide or self._lags(self.of_part, self.of_palm)
+        return self.of_part.filter if filtered else None
+
+    @property
+    def filter_of_palm(self) -> LowPass | None:
+        """The filter that the hand went through; None for none."""
+        filtered = self.of_palm.is_wide or self._lags(self.of_palm, self.of_part)
+        return self.of_palm.filter if filtered else None
+
+    @property
+    def delay(self) -> LowPass | None:
+        """The delay, negative where the part comes early, of which nothing tells whose it is; None
+        for none."""
+        filtered = self.filter_of_part is not None or self.filter_of_palm is not None
+        return self.of_part.filter if self.of_part.is_late and not filtered else None
+
+    def _lags(self, one: Found, other: Found) -> bool:
+        """Whether one comes late as what was filtered does, seen from both sides."""
+        late = self.of_part.is_late and one.filter.delay > 0 > other.filter.delay
+        return late and one.breadth > LAG and other.breadth < -LAG
+
+
+def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:
+    """How a part moves beside a palm; None where too little of either moves to tell."""
+    of_part = solved(np.array(list(products(motion, part, palm, fps))), fps)
+    of_palm = solved(np.array(list(products(motion, part, palm, fps, of_palm=True))), fps)
+    return None if of_part is None or of_palm is None else Comparison(of_part, of_palm)
+
+
+def products(
+    motion: ObjectTrack, part: int, palm: RigidMotion, fps: float, of_palm: bool = False
+) -> Iterator[Float64[np.ndarray, "3 3"]]:
+    """Sums of products, for each block of frames, of how far the palm is from where the part would
+    carry it, and of the first two rates of the part's motion, or of the palm's."""
+    turns = motion.rotation[:, part].double().cpu().numpy()
+    places = motion.translation[:, part].double().cpu().numpy()[:, None]
+    tips = np.concatenate([np.zeros((1, 3)), LEVER * np.eye(3)])
+    points = np.einsum("tij,pj->tpi", palm.turns.as_matrix(), tips) + palm.places[:, None]
+    seen = (points - places) @ turns  # from the part
+    moved = points if of_palm else seen.mean(0) @ turns.swapaxes(1, 2) + places
+    motions = [-seen if of_palm else seen, rate(moved) @ turns, rate(rate(moved)) @ turns]
+    smooth, slow = JITTER * fps, LASTING * fps
+    lively = [gaussian_filter1d(each, smooth, axis=0, mode="nearest") for each in motions]
+    lively = [each - gaussian_filter1d(each, slow, axis=0, mode="nearest") for each in lively]
+    verts = motion.meshes[part].verts.cpu().numpy()
+    inside = seen[:, 0].clip(verts.min(0), verts.max(0))
+    near = np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH
+    rows = np.stack(lively, axis=-1) * (near & palm.seen)[:, None, None, None]
+    length = max(2, round(BLOCK * fps))
+    for start in range(0, len(rows), length):
+        block = rows[start : start + length].reshape(-1, 3)
+        if np.square(block[:, 1:]).sum() > 0:
+            yield block.T @ block
+
+
+def solved(blocks: Float64[np.ndarray, "B ..."], fps: float) -> Found | None:
+    """The filter by all blocks, and how sure it is by leaving out each in turn (the jackknife)."""
+    if len(blocks) < LEAST_BLOCKS:
+        return None
+    total = blocks.sum(0)
+    found, explained = solution(total, fps)
+    others = [solution(total - block, fps)[0] for block in blocks]
+    late, wide = (
+        math.sqrt((len(blocks) - 1) * float(np.var(values)))
+        for values in ([o.delay for o in others], [o.variance for o in others])
+    )
+    return Found(found, late, wide, explained)
+
+
+def solution(total: Float64[np.ndarray, "3 3"], fps: float) -> tuple[LowPass, float]:
+    """The filter by least squares, and the share of the squares that it explains."""
+    first, second = np.linalg.lstsq(total[1:, 1:], total[1:, 0], rcond=1e-9)[0]
+    explained = (first * total[1, 0] + second * total[2, 0]) / max(total[0, 0], 1e-12)
+    found = LowPass(float(first) / fps, float(first**2 - 2 * second) / fps**2)
+    return found, float(explained)
+
+
+def rate(values: Float64[np.ndarray, "T ..."]) -> Float64[np.ndarray, "T ..."]:
+    """Change in a frame."""
+    return np.gradient(values, axis=0)

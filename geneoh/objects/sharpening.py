@@ -1,0 +1,173 @@
+"""A filter that the object's track or the hand's went through, and not the other's, undone.
+
+The smoother of the two is the one that was filtered (`geneoh.objects.relative_filter`). A delay
+alone does not tell which of them comes late: there the object is relied on less.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+
+from geneoh.geometry.rotations import (
+    axis_angle_to_matrix,
+    matrix_to_axis_angle,
+    nearest_rotations,
+)
+from geneoh.objects.cleaning import ObjectExamination
+from geneoh.objects.palms import RigidMotion, palm_of
+from geneoh.objects.relative_filter import Comparison, LowPass, compared
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+ROUNDS = 3
+"""How often what is left of a filter is looked for in the sharpened track again."""
+LEFT, AROUND = 0.4, 0.1
+"""Share of a correction by which the sharpened track is still off, 0.3 to 0.5 for Gaussian filters
+of three and six frames at 30 a second, less for filters that come late; and deviation in seconds of
+the Gaussian over the frames around one."""
+SAMPLES = 16  # number of vertices that tell how far a part was moved
+
+
+@dataclass(frozen=True)
+class Sharpened:
+    """Hands and object without the filters that one of them went through."""
+
+    hands: tuple[HandTrack, ...]
+    object: ObjectTrack
+    off: Float[Tensor, "T Q"]
+    """How far each pose of the object may still be off, metres."""
+    notes: tuple[str, ...]
+    """What a user should know of it."""
+
+
+def sharpened(
+    hands: tuple[HandTrack, ...], motion: ObjectTrack, examined: ObjectExamination, fps: float
+) -> Sharpened:
+    """Hands and object without the filters that one of them went through and the other did not.
+
+    Parts whose own track is noisy stay as they are, and tell nothing of hands: they were smoothed
+    because of that. `motion` is the track after cleaning (`geneoh.objects.cleaning`).
+    """
+    parts = [part for part in motion.seen_parts if not bool(examined.is_noisy[part])]
+    notes, sharp = list[str](), list[HandTrack]()
+    for hand in hands:
+        other, found = sharpened_hand(hand, motion, parts, fps)
+        sharp.append(other)
+        notes += [] if found is None else [of_hand(hand, found)]
+    palms = [palm_of(hand) for hand in sharp]
+    off = torch.zeros_like(examined.confidence)
+    for part in parts:
+        motion, left, said = sharpened_part(motion, part, palms, fps)
+        off[:, part] = left.to(off)
+        notes += said
+    return Sharpened(tuple(sharp), motion, off, tuple(notes))
+
+
+def sharpened_hand(
+    hand: HandTrack, motion: ObjectTrack, parts: list[int], fps: float
+) -> tuple[HandTrack, LowPass | None]:
+    """A hand without the filter that it went through, and that filter; None for none."""
+    whole = None
+    for _ in range(ROUNDS):
+        palm = palm_of(hand)
+        every = [c for part in parts if (c := compared(motion, part, palm, fps)) is not None]
+        best = max(every, key=lambda c: c.of_palm.explained, default=None)
+        if best is None or (found := best.filter_of_palm) is None:
+            break
+        hand = without_filter_of_hand(hand, found, fps)
+        whole = found if whole is None else whole + found
+    return hand, whole
+
+
+def sharpened_part(
+    motion: ObjectTrack, part: int, palms: Sequence[RigidMotion], fps: float
+) -> tuple[ObjectTrack, Float[Tensor, " T"], list[str]]:
+    """The track without the filter that a part went through, how far its poses may still be off,
+    metres, and what is to be said."""
+
+    def best(motion: ObjectTrack) -> Comparison | None:
+        every = [c for palm in palms if (c := compared(motion, part, palm, fps)) is not None]
+        return max(every, key=lambda c: c.of_part.explained, default=None)
+
+    given, name = motion, motion.name_of(part)
+    whole, seen = LowPass(0.0, 0.0), best(motion)
+    if seen is not None and seen.delay is not None:
+        other = without_filter_of_part(motion, part, seen.delay, fps)
+        return motion, moved_by(motion, other, part, fps), [out_of_time(name, seen.delay)]
+    for _ in range(ROUNDS):
+        if seen is None or (found := seen.filter_of_part) is None:
+            break
+        motion, whole = without_filter_of_part(motion, part, found, fps), whole + found
+        seen = best(motion)
+    left = LEFT * moved_by(given, motion, part, fps)
+    return motion, left, [] if motion is given else [of_part(name, whole)]
+
+
+def without_filter_of_part(
+    motion: ObjectTrack, part: int, found: LowPass, fps: float
+) -> ObjectTrack:
+    """The track with a filter undone in one part."""
+    rotation, translation = motion.rotation.clone(), motion.translation.clone()
+    rotation[:, part] = nearest_rotations(found.undone(rotation[:, part], fps))
+    translation[:, part] = found.undone(translation[:, part], fps)
+    return replace(motion, rotation=rotation, translation=translation)
+
+
+def without_filter_of_hand(hand: HandTrack, found: LowPass, fps: float) -> HandTrack:
+    """The hand with a filter undone, in its gaps after they were filled."""
+    filled = fill_gaps(hand)
+    joints, pose, wrist = filled.joints, filled.pose, filled.wrist
+    if pose is not None:
+        turns = nearest_rotations(found.undone(axis_angle_to_matrix(pose), fps))
+        pose = matrix_to_axis_angle(turns)
+    return replace(
+        hand,
+        joints=None if joints is None else found.undone(joints, fps),
+        pose=pose,
+        wrist=None if wrist is None else found.undone(wrist, fps),
+    )
+
+
+def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Float[Tensor, " T"]:
+    """Root mean square distance of a part's vertices in two tracks around each frame, metres."""
+    verts = one.meshes[part].verts.to(one.rotation)
+    verts = verts[:: max(1, len(verts) // SAMPLES)]
+    first, second = (
+        verts @ track.rotation[:, part].mT + track.translation[:, part, None]
+        for track in (one, other)
+    )
+    squares = (second - first).square().sum(-1).mean(1).double().cpu().numpy()
+    around = gaussian_filter1d(squares, AROUND * fps, mode="nearest")
+    return torch.from_numpy(np.sqrt(around)).to(one.rotation)
+
+
+def of_part(name: str, found: LowPass) -> str:
+    """What a user should know of the filter of a part that was undone."""
+    return (
+        f"the poses of {name} are smoother than the hand that moves it, {found}: the hand was "
+        "cleaned against a sharpened track of it, which --refine-object writes; --trust-object "
+        "keeps to the given one"
+    )
+
+
+def of_hand(hand: HandTrack, found: LowPass) -> str:
+    """What a user should know of the filter of a hand that was undone."""
+    return (
+        f"the {hand.side} hand is smoother than the object that it moves, {found}, which was "
+        "undone before the cleaning; --trust-object keeps to the given hand"
+    )
+
+
+def out_of_time(name: str, found: LowPass) -> str:
+    """What a user should know of a delay that may be that of the hand or of a part."""
+    late = "late" if found.delay > 0 else "early"
+    return (
+        f"{name} comes {1000 * abs(found.delay):.0f} ms {late} beside the hand that moves it, and "
+        "nothing tells which of them is right: where that is centimetres the hand was cleaned by "
+        "the prior of hand motion alone; --hand-delay brings them together"
+    )
