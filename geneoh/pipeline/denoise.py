@@ -17,6 +17,7 @@ from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import FitConfig, fit_hand
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
+from geneoh.fitting.twist import untwisted
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel, ShapedHand
@@ -231,7 +232,7 @@ def _fitted(
     surface = hand.object.surface() if hand.object.meshes else None
     against = surface if chosen.has_object else None  # what the hand is cleaned against
     carrier = None if against is None else carrier_of(hand.track, against, relied)
-    subject = subject_of(hand.track, model, carrier)
+    subject = untwisted(subject_of(hand.track, model, carrier))
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
     given = subject.parameters()
     subject = subject.completed(given)

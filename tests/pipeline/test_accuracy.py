@@ -1,8 +1,13 @@
 """How near the cleaner comes to the truth: on a clean recording and at other frame rates."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
+from geneoh.fitting.twist import TOLD, turned_about_bones
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.skeleton import rest_offsets
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.sequence.noise import corrupt_sequence
@@ -15,6 +20,18 @@ def test_a_clean_recording_is_changed_by_at_most_four_millimetres(clean):
     moved = result.sequence.hands[0].joints - clean.hands[0].joints
     assert moved.norm(dim=-1).mean() < 0.004
     assert moved.norm(dim=-1).mean(-1).max() < 0.010  # in the frame that changes most
+
+
+def test_poses_twisted_about_their_bones_are_cleaned_as_natural_ones(clean):
+    (hand,) = clean[40:100].hands
+    rotations = axis_angle_to_matrix(hand.pose)
+    skeleton = rest_offsets(rotations, hand.joints, hand.trust)
+    twist = torch.tensor([0.8, -0.6, 0.5]).expand(5, 60, 3)
+    turned = matrix_to_axis_angle(turned_about_bones(rotations, skeleton, twist))
+    result = denoise(replace(clean[40:100], hands=(replace(hand, pose=turned),)), preset="fast")
+    moved = result.sequence.hands[0].joints - hand.joints
+    assert moved.norm(dim=-1).mean() < 0.006
+    assert TOLD in result.hands["left"].notes
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,195 @@
+"""Finger poses that are turned about their bones: natural ones with the same keypoints.
+
+A joint that is turned about the bone that it carries, and a next joint that is turned back, leave
+every keypoint where it is. Optimisers that fit MANO to keypoints without a prior of poses end
+somewhere among these poses; the networks have learned with those of real hands.
+"""
+
+import math
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from geneoh.fitting.solve import solve_coupled_frames
+from geneoh.fitting.subject import Subject
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, nearest_rotations
+from geneoh.hand.model import HandModel
+
+BONES = ((1, 2, 15), (4, 5, 16), (7, 8, 17), (10, 11, 18), (13, 14, 19))
+"""Rest offset that each joint of each finger carries; the last ones end in the fingertips."""
+STEP = math.radians(15)  # between the twists that are tried
+FEWEST = 15  # frames in which errors of a tracker can be told from what lasts
+LOOKED_AT = 16  # frames, evenly spaced, that tell whether a track is twisted
+LASTING = 10.0  # deviation of the Gaussian over time that leaves of a pose what lasts, frames
+NATURAL = 1.3  # deviation of natural poses in units of the model's `pose_std`
+OFFSET = 0.25  # deviation of the lasting errors that trackers make, radians per component
+SURE = 27.0
+"""Logarithm of how much more probable twists must make a pose than lasting errors do."""
+CONSTANT, SLOW = 1000.0, 20.0
+"""Weights of a twist's change between frames, 1/rad: it hardly changes, or slowly."""
+ITERATIONS = 8  # after which twists hardly change
+SLIGHT = 1e-3  # radians over which residuals are differentiated
+TOLD = (
+    "the fingers are turned about their bones as those of no hand: natural poses with the same "
+    "keypoints are used instead"
+)
+
+
+def untwisted(subject: Subject) -> Subject:
+    """The subject, its poses turned back where they are twisted about the bones, with a note.
+
+    Keypoints stay where they are. A subject stays as it is if its poses are not twisted, it has
+    none, or too few frames to tell.
+    """
+    if subject.start is None or len(subject.joints) < FEWEST:
+        return subject
+    model, rotations, offsets = subject.shaped.model, subject.start.rotations[0], subject.offsets[0]
+    fingers, bones = fingers_of(rotations), bones_of(offsets)
+    seen = lasting(fingers, LOOKED_AT)
+    start = likeliest(seen, bones, model)[:, None].expand(*seen.shape[:2], 3)
+    found = refined(seen, bones, model, start, CONSTANT)
+    if sureness(seen, turned(seen, bones, found), model) < SURE:
+        return subject
+    start = found.mean(1, keepdim=True).expand(*fingers.shape[:2], 3)
+    twist = refined(fingers, bones, model, start, SLOW)
+    natural = turned_about_bones(rotations, offsets, twist)
+    pose = replace(subject.start, rotations=natural[None])
+    return replace(subject, start=pose, notes=(*subject.notes, TOLD))
+
+
+def turned_about_bones(
+    rotations: Float[Tensor, "T 16 3 3"],
+    offsets: Float[Tensor, "20 3"],
+    twist: Float[Tensor, "5 T 3"],
+) -> Float[Tensor, "T 16 3 3"]:
+    """Local rotations of a hand, each joint of each finger turned about the bone that it carries.
+
+    The next joint is turned back, so that keypoints stay. `offsets` are the skeleton's, `twist` is
+    in radians.
+    """
+    fingers = turned(fingers_of(rotations), bones_of(offsets), twist)
+    return torch.cat([rotations[:, :1], fingers.transpose(0, 1).flatten(1, 2)], dim=1)
+
+
+def fingers_of(rotations: Float[Tensor, "T 16 3 3"]) -> Float[Tensor, "5 T 3 3 3"]:
+    """Local rotations by finger, frame and joint."""
+    return rotations[:, 1:].unflatten(1, (5, 3)).transpose(0, 1)
+
+
+def bones_of(offsets: Float[Tensor, "20 3"]) -> Float[Tensor, "5 3 3"]:
+    """Direction of the bone that each joint of each finger carries, in the rest frame."""
+    return normalize(offsets[torch.tensor(BONES)], dim=-1)
+
+
+def lasting(fingers: Float[Tensor, "5 T 3 3 3"], count: int) -> Float[Tensor, "5 N 3 3 3"]:
+    """Rotations of a few frames, evenly spaced, each the mean of those around it."""
+    time = torch.arange(fingers.shape[1]).to(fingers)
+    middle = torch.linspace(0, fingers.shape[1] - 1, count).to(fingers)
+    weight = torch.softmax(-0.5 * ((middle[:, None] - time) / LASTING).square(), dim=-1)
+    return nearest_rotations(torch.einsum("nt,ftjrc->fnjrc", weight, fingers))
+
+
+def turned(
+    fingers: Float[Tensor, "5 T 3 3 3"],
+    bones: Float[Tensor, "5 3 3"],
+    twist: Float[Tensor, "5 T 3"],
+) -> Float[Tensor, "5 T 3 3 3"]:
+    """`turned_about_bones` of the fingers alone."""
+    turn = axis_angle_to_matrix(twist[..., None] * bones[:, None])
+    moved = fingers @ turn
+    after = turn[:, :, :2].mT @ moved[:, :, 1:]
+    return torch.cat([moved[:, :, :1], after], dim=2)
+
+
+def unlikeness(
+    rotations: Float[Tensor, "5 *B J 3 3"], model: HandModel, first: int = 0
+) -> Float[Tensor, "5 *B J 3"]:
+    """How far poses of J joints of each finger, from the `first` on, are from the relaxed one, in
+    its own deviations."""
+    shape, last = (5, *[1] * (rotations.ndim - 4), 3, 3), first + rotations.shape[-3]
+    mean, std = (values[1:].reshape(shape) for values in (model.pose_mean, model.pose_std))
+    return (matrix_to_axis_angle(rotations) - mean[..., first:last, :]) / std[..., first:last, :]
+
+
+def likeliest(
+    fingers: Float[Tensor, "5 T 3 3 3"], bones: Float[Tensor, "5 3 3"], model: HandModel
+) -> Float[Tensor, "5 3"]:
+    """Constant turns, of all on a grid, after which the poses are nearest to the relaxed one.
+
+    A joint's pose depends on its own turn and that of the joint before, so the best turns are found
+    joint by joint from the last on (dynamic programming).
+    """
+    grid = torch.arange(-math.pi, math.pi - STEP / 2, STEP).to(fingers)
+    turn = axis_angle_to_matrix(grid[:, None, None, None] * bones).transpose(0, 1)
+    cost, best = fingers.new_zeros(5, len(grid)), []
+    for joint in (2, 1, 0):  # tables over the turns of the joint before, its own, and frames
+        moved = fingers[:, None, None, :, joint] @ turn[:, None, :, None, joint]
+        if joint:
+            moved = turn[:, :, None, None, joint - 1].mT @ moved
+        off = unlikeness(moved[..., None, :, :], model, joint).square()
+        cost, at = (off.sum((-1, -2)).mean(-1) + cost[:, None]).min(-1)
+        best.append(at)
+    path = [torch.zeros_like(best[-1][:, 0])]
+    finger = torch.arange(5, device=fingers.device)
+    for at in reversed(best):
+        path.append(at[finger, path[-1]])
+    return grid[torch.stack(path[1:], dim=-1)]
+
+
+def refined(
+    fingers: Float[Tensor, "5 T 3 3 3"],
+    bones: Float[Tensor, "5 3 3"],
+    model: HandModel,
+    twist: Float[Tensor, "5 T 3"],
+    steady: float,
+) -> Float[Tensor, "5 T 3"]:
+    """Turns with the least squared `unlikeness` and change between frames, of weight `steady`.
+
+    Levenberg-Marquardt from `twist` on, for each finger by itself.
+    """
+
+    def residual(at: Tensor) -> Tensor:
+        return unlikeness(turned(fingers, bones, at), model).flatten(-2)
+
+    def energy(at: Tensor) -> Tensor:
+        return residual(at).square().sum((1, 2)) + (steady * at.diff(dim=1)).square().sum((1, 2))
+
+    eye, damping = torch.eye(3).to(twist), twist.new_full((5, 1, 1, 1), 1e-2)
+    coupling = twist.new_full((3,), steady**2)
+    for _ in range(ITERATIONS):
+        here = residual(twist)
+        ahead = torch.stack([residual(twist + SLIGHT * axis) for axis in eye], dim=-1)
+        slope = (ahead - here[..., None]) / SLIGHT
+        matrix = slope.mT @ slope
+        ridge = damping * matrix.diagonal(dim1=-2, dim2=-1).mean((1, 2))[:, None, None, None]
+        gradient = (slope.mT @ here[..., None])[..., 0] + _pull(twist, steady)
+        moved = twist + solve_coupled_frames(matrix + ridge * eye, -gradient, coupling)
+        better = (energy(moved) < energy(twist))[:, None, None]
+        twist = torch.where(better, moved, twist)
+        damping = torch.where(better[..., None], damping / 4, damping * 6).clamp(1e-6, 1e6)
+    return twist
+
+
+def _pull(twist: Float[Tensor, "5 T 3"], steady: float) -> Float[Tensor, "5 T 3"]:
+    """Half gradient of the squared changes between frames."""
+    change = steady**2 * twist.diff(dim=1)
+    after, before = (0, 0, 1, 0), (0, 0, 0, 1)
+    return torch.nn.functional.pad(change, after) - torch.nn.functional.pad(change, before)
+
+
+def sureness(
+    given: Float[Tensor, "5 T 3 3 3"], natural: Float[Tensor, "5 T 3 3 3"], model: HandModel
+) -> float:
+    """Logarithm of how much more probable a pose is as a twisted natural one than as a natural one
+    with a lasting error of each component, by medians over frames."""
+    std = model.pose_std[1:].reshape(5, 3, 3)
+    usual, wide = (NATURAL * std).square(), (NATURAL * std).square() + OFFSET**2
+
+    def score(rotations: Tensor, variance: Tensor) -> Tensor:
+        off = unlikeness(rotations, model).median(1).values * std
+        return -0.5 * (off.square() / variance + variance.log()).sum()
+
+    return float(score(natural, usual) - score(given, wide))
