@@ -17,6 +17,9 @@ from torch import Tensor
 import geneoh
 from geneoh.baselines.filters import TUNED, smooth
 from geneoh.evaluation.protocols.synthetic import draw_clip
+from geneoh.fitting.twist import turned_about_bones
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.skeleton import rest_offsets
 from geneoh.metrics.accuracy import mpjpe
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import filled_keypoints
@@ -148,6 +151,24 @@ def a_second_lost(hand: HandTrack, generator: torch.Generator) -> HandTrack:
     return perturbed(hand, offsets(hand, 0.003, 0.02, 0.1, generator), there)
 
 
+def twisted(hand: HandTrack, generator: torch.Generator) -> HandTrack:
+    """Joints of the fingers are turned about their bones, by 15 to 60 degrees, and the next ones
+    back: keypoints stay, as in fits to keypoints without a prior of poses."""
+    assert hand.joints is not None
+    assert hand.pose is not None
+    rotations = axis_angle_to_matrix(hand.pose)
+    size = torch.deg2rad(15 + 45 * torch.rand(5, 1, 3, generator=generator))
+    twist = size * (2 * torch.randint(0, 2, size.shape, generator=generator) - 1)
+    skeleton = rest_offsets(rotations, hand.joints, hand.trust)
+    moved = turned_about_bones(rotations, skeleton, twist.expand(5, hand.frames, 3))
+    return replace(hand, pose=matrix_to_axis_angle(moved))
+
+
+def noisy_and_twisted(hand: HandTrack, generator: torch.Generator) -> HandTrack:
+    """The same of a hand with Gaussian noise."""
+    return twisted(corrupt(hand, "gauss", generator=generator), generator)
+
+
 ERRORS: dict[str, Error] = {
     "place alone, 2 mm, white": white(0.002, 0.0, 0.0),
     "place alone, 5 mm, white": white(0.005, 0.0, 0.0),
@@ -164,6 +185,8 @@ ERRORS: dict[str, Error] = {
     "fingers bent by 0.6 of the truth": half_flexed,
     "one finger straight": one_finger_straight,
     "hand a tenth too large": too_large,
+    "fingers twisted about their bones": twisted,
+    "gauss, and twisted so": noisy_and_twisted,
     "clean": lambda hand, _: hand,
     "gauss": lambda hand, generator: corrupt(hand, "gauss", generator=generator),
 }

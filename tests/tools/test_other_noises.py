@@ -3,11 +3,16 @@ import torch
 from short_clips import example
 
 import geneoh
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.sequence import HandTrack
 from tools.other_noises import ERRORS, cell, scored
 
 HAND = example().hands[0]
+
+
+TWISTED = "fingers twisted about their bones"
 
 
 def erring(name: str, seed: int = 0) -> HandTrack:
@@ -20,7 +25,7 @@ def offsets(name: str) -> torch.Tensor:
     return filled_keypoints(erring(name)) - HAND.joints
 
 
-@pytest.mark.parametrize("name", [name for name in ERRORS if name != "clean"])
+@pytest.mark.parametrize("name", [name for name in ERRORS if name not in ("clean", TWISTED)])
 def test_every_error_moves_the_hand_by_millimetres_and_depends_on_the_seed_alone(name):
     first, again, other = (filled_keypoints(erring(name, seed)) for seed in (3, 3, 4))
     assert torch.equal(first, again)
@@ -30,6 +35,21 @@ def test_every_error_moves_the_hand_by_millimetres_and_depends_on_the_seed_alone
 
 def test_the_clean_hand_is_as_it_was():
     assert erring("clean") is HAND
+
+
+def test_twisted_fingers_have_other_poses_and_the_same_keypoints():
+    twisted = erring(TWISTED)
+    assert torch.equal(twisted.joints, HAND.joints)
+    apart = (twisted.pose - HAND.pose)[:, 1:].norm(dim=-1)
+    assert apart.mean() > 0.3
+    wrist, skeleton = HAND.joints[:, 0], rest_offsets(*posed(HAND), HAND.trust)
+    made, _ = forward_kinematics(posed(twisted)[0], wrist, skeleton)
+    was, _ = forward_kinematics(posed(HAND)[0], wrist, skeleton)
+    assert (made - was).norm(dim=-1).max() < 1e-5
+
+
+def posed(hand: HandTrack) -> tuple[torch.Tensor, torch.Tensor]:
+    return axis_angle_to_matrix(hand.pose), hand.joints
 
 
 def test_an_error_of_the_place_leaves_the_fingers():
