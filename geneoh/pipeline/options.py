@@ -1,6 +1,6 @@
 """What a user can choose about cleaning."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from inspect import signature
 from pathlib import Path
@@ -12,6 +12,7 @@ from geneoh.choices import CLEANING, Ablation, HandSource, PresetName, Selection
 from geneoh.config import check_fields, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
+from geneoh.readers.arrays import MESH_NAMES
 from geneoh.readers.npz_files import load
 
 NEEDED_TO_REFINE: tuple[Ablation, ...] = ("object", "mesh")
@@ -99,10 +100,14 @@ class Options:
 
 
 def with_settings(
-    options: Options | None, settings: Mapping[str, Any], caller: str = "geneoh.denoise"
+    options: Options | None,
+    settings: Mapping[str, Any],
+    caller: str = "geneoh.denoise",
+    arguments: Iterable[str] = (),
 ) -> Options:
     """The options, or the default ones, with some of their fields changed by name; `ConfigError`
-    for what is none. `caller` is what messages call the function that was given the settings."""
+    for what is none. `caller` is what messages call the function that was given the settings, and
+    `arguments` name what it takes besides, where it reads no file."""
     options = Options() if options is None else options
     if not isinstance(options, Options):
         raise ConfigError(
@@ -112,8 +117,10 @@ def with_settings(
     names = [field.name for field in fields(Options)]
     for name in settings:
         if name not in names:
-            hint = closest_name(name, names)
-            if name in signature(load).parameters:
+            hint = closest_name(name, [*names, *arguments])
+            if name in MESH_NAMES and "meshes" in arguments:
+                hint = "did you mean 'meshes'?"
+            elif name in signature(load).parameters and not arguments:
                 hint = f"geneoh.load(path, {name}=...) makes the sequence with it"
             raise ConfigError(f"{caller}: '{name}' is no setting; {hint}")
     return replace(options, **settings)

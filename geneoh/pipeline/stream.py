@@ -46,6 +46,8 @@ LOG = logging.getLogger(__name__)
 
 Mirrored = TypeVar("Mirrored", HandTrack, ObjectTrack, HandModel)
 
+ARGUMENTS = ("meshes", "fps", "lag", "side", "betas", "hand_model", "source")
+"""What a stream takes besides the settings."""
 LONGEST_LAG = 1.0
 """Seconds; with a longer lag a frame would have less than a second before it."""
 FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
@@ -117,7 +119,8 @@ class Stream:
         asked = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
         for name, (value, kind) in asked.items():
             as_field_type(value, kind, "geneoh.Stream", name)
-        options = with_settings(Options(preset="fast", samples=2), settings, "geneoh.Stream")
+        plain = Options(preset="fast", samples=2)
+        options = with_settings(plain, settings, "geneoh.Stream", ARGUMENTS)
         named_device(options.device)
         chosen = preset_of_stream(options)
         if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:

@@ -29,6 +29,8 @@ from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
 FIELDS = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model", "timestamps", "frame_ids")
+MESH_NAMES = ("obj", "object", "mesh")
+"""What callers may call the meshes, where they go as `meshes`."""
 NAMES = (*FIELDS, *CLOCK_NAMES)
 """What the arrays can be called, other names of times included."""
 
@@ -90,7 +92,7 @@ def from_arrays(
 
 def meant(name: str) -> str:
     """What a name that is no field of a sequence may stand for, as the end of a message."""
-    if name in ("obj", "object", "mesh"):
+    if name in MESH_NAMES:
         return "did you mean 'meshes'?"
     sided = [each for side in SIDES if (each := f"{side}_{name}") in OWN_FIELDS]
     close = sided or difflib.get_close_matches(name, NAMES, 1)

@@ -222,9 +222,13 @@ def test_settings_that_no_stream_has_are_refused(settings):
         Stream(**settings)
 
 
-def test_a_setting_that_does_not_exist_is_told_as_one_of_the_stream():
-    with pytest.raises(ConfigError, match=r"geneoh\.Stream: 'sied' is no setting"):
-        Stream(sied="left")
+@pytest.mark.parametrize(
+    ("name", "meant"), [("sied", "side"), ("sides", "side"), ("obj", "meshes")]
+)
+def test_a_setting_that_does_not_exist_is_told_as_one_of_the_stream(name, meant):
+    words = f"geneoh.Stream: '{name}' is no setting; did you mean '{meant}'"
+    with pytest.raises(ConfigError, match=words):
+        Stream(**{name: "left"})
 
 
 def test_a_pose_may_be_a_list_of_rotation_and_translation(noisy, unmoved):
