@@ -54,6 +54,13 @@ def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
     return joints, (entries >= 0).astype(np.float64)
 
 
+def order_of_points(points: object) -> JointOrder | None:
+    """The one order that has as many keypoints as (T, N, 3) `points`, where they are not 21."""
+    shape = points.shape if isinstance(points, Array) else ()
+    known = [name for name, order in ORDERS.items() if (order.count, 3) == shape[1:]]
+    return known[0] if len(known) == 1 else None
+
+
 def in_openpose_order(record: Record, points: Array, order: JointOrder) -> Record:
     """The fields with (T, N, 3) `points` in OpenPose's order as 'joints', and 'confidence' too.
 

@@ -21,6 +21,7 @@ from geneoh.hand.mano import AS_SHIPPED, MENDED, load_pose_space, name_of
 from geneoh.readers import mano, npz_layouts
 from geneoh.readers.base import finite_frames
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES
+from geneoh.readers.joint_orders import order_of_points
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Notes, Record, float32
@@ -217,6 +218,16 @@ def read_confidence(record: Record, name: str) -> Float[Tensor, "T 21"] | None:
     return values if values.ndim == 2 else values[:, None].repeat(1, 21)
 
 
+def order_remedy(record: Record, names: dict[str, str]) -> str:
+    """What to do about keypoints that are as many as another order has; empty for all others."""
+    order = order_of_points(record.values.get(names["joints"]))
+    if order is None:
+        return ""
+    if names is JOINT_NAMES:
+        return f"name their order with --joint-order {order}"
+    return f"take the 21 out that are geneoh.readers.joint_orders.ORDERS['{order}'].entries"
+
+
 def read_track(
     record: Record,
     side: Side,
@@ -233,7 +244,8 @@ def read_track(
     further fields, from which `pose` and `wrist` were made.
     """
     field = {name: names.get(name, "") for name in npz_layouts.HAND_FIELDS}
-    joints = record.tensor(field["joints"], ("T", 21, 3), unit="in metres, in OpenPose order")
+    openpose = {"unit": "in metres, in OpenPose order", "remedy": order_remedy(record, names)}
+    joints = record.tensor(field["joints"], ("T", 21, 3), **openpose)
     if pose is None:
         pose = record.tensor(field["pose"], ("T", 48), ("T", 16, 3), unit="in radians")
         pose = None if pose is None else pose.reshape(-1, 16, 3)

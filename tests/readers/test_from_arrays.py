@@ -81,6 +81,10 @@ def test_frames_with_nan_count_as_not_observed(arrays):
             {"left_joints": np.zeros((146, 63))},
             r"'left_joints' must be numbers of shape .T, 21, 3. in metres",
         ),
+        (
+            {"left_joints": np.zeros((146, 26, 3))},
+            r"take the 21 out that are geneoh\.readers\.joint_orders\.ORDERS\['openxr'\]\.entries",
+        ),
         ({"left_joint": np.zeros(3)}, "'left_joint' is no field.*did you mean 'left_joints'"),
         ({"joints": np.zeros(3)}, "did you mean 'left_joints' or 'right_joints'"),
         ({"obj": MESH}, "did you mean 'meshes'"),

@@ -201,6 +201,16 @@ def test_keypoints_in_another_order_than_the_named_one_are_refused(tmp_path):
         load(tmp_path / "hand.npy", side="right", joint_order="fphab")
 
 
+@pytest.mark.parametrize(("count", "order"), [(25, "webxr"), (26, "openxr")])
+def test_keypoints_of_another_number_are_refused_with_the_order_that_has_it(count, order, tmp_path):
+    joints = np.zeros((FRAMES, count, 3))
+    joints[:, list(ORDERS[order].entries)] = good_arrays()["joints"]
+    with_arrays(joints=joints)(tmp_path)
+    with pytest.raises(InputError, match=f"; name their order with --joint-order {order}$"):
+        load(tmp_path / "hand.npz")
+    assert load(tmp_path / "hand.npz", joint_order=order).hands[0].joints.shape == (FRAMES, 21, 3)
+
+
 def in_order_mano(joints):
     """Keypoints in OpenPose's order, brought into MANO's."""
     return joints[:, np.argsort(ORDERS["mano"].entries)]
