@@ -14,7 +14,7 @@ from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import MeshInput, meshes_of
 from geneoh.modes import undisturbed
-from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, is_column, length_of
+from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, dates_in, is_column, length_of
 from geneoh.readers.npz_files import sequence_in
 from geneoh.readers.npz_layouts import (
     CAMERA_FIELDS,
@@ -63,8 +63,8 @@ def from_arrays(
             `object_rotation` and `object_translation`, which take its points to the world. Of hands
             that were estimated from images `camera_position` (3,) or `camera_ray` (3,), the
             direction from the camera, both in the world, or one for each frame. `timestamps` (T,)
-            in seconds, or `frame_ids` (T,) beside `fps`, where frames were left out or are not
-            evenly apart; they are brought to an even rate.
+            in seconds or as numpy's dates, or `frame_ids` (T,) beside `fps`, where frames were left
+            out or are not evenly apart; they are brought to an even rate.
 
     Raises:
         InputError: an array has another shape than these, a name is none of these, or the numbers
@@ -75,7 +75,8 @@ def from_arrays(
         if name not in NAMES:
             raise InputError(f"{source}: '{name}' is no field of a sequence; {meant(name)}")
     values = {name: array_of(value) for name, value in arrays.items()}
-    check_times(values, source)
+    record = Record(source, values, RESHAPE)
+    check_times(record)
     if fps is not None:
         values["fps"] = np.array(fps)
     elif not values.keys() & TIME_NAMES.keys():
@@ -83,7 +84,6 @@ def from_arrays(
             f"{source}: expected 'fps', the number of frames a second, got none; give it, or the "
             "times of the frames in seconds as 'timestamps'"
         )
-    record = Record(source, values, RESHAPE)
     sequence, notes = sequence_in(record, FORMAT, loaded)
     sequence = replace(sequence, source="; ".join((source, *notes)))
     check_sequence(sequence, source)
@@ -101,14 +101,15 @@ def meant(name: str) -> str:
     return f"the fields are {quoted(FIELDS)}"
 
 
-def check_times(values: dict[str, Any], source: str) -> None:
-    """Refuse times that are not one number a frame; in a file they may be of something else."""
+def check_times(record: Record) -> None:
+    """Refuse times that are not one number or date a frame; a file may hold those of others."""
+    values = dict(record.values) | dates_in(record)
     names = [own_names(side)[name] for side in SIDES for name in ("joints", "pose")]
     frames = next((length_of(values[name]) for name in names if name in values), 0)
     for name in CLOCK_NAMES:
         if name in values and not is_column(values[name], frames):
             raise InputError(
-                f"{source}: '{name}' must be one number for each of the {frames} frames, got "
+                f"{record.where}: '{name}' must be one number for each of the {frames} frames, got "
                 f"{np.asarray(values[name]).dtype} of shape {np.shape(values[name])}; correct it "
                 "or leave it out"
             )

@@ -112,6 +112,12 @@ def test_times_of_the_frames_take_the_place_of_a_rate(arrays):
     )
 
 
+def test_times_of_the_frames_may_be_dates_of_numpy(arrays):
+    dates = np.datetime64("2026-01-01", "ns") + 40_000_000 * np.arange(146)
+    sequence = geneoh.from_arrays(**arrays, timestamps=dates, meshes=MESH)
+    assert (sequence.fps, sequence.frames) == (25, 146)
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
