@@ -196,11 +196,10 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
     """The clock in one field, which must rise."""
     values = record.numbers(name)
     if len(wrong := np.flatnonzero(~(np.diff(values) > 0) | ~np.isfinite(values[1:]))):
-        before, after = values[wrong[0] : wrong[0] + 2]
+        before, after = (f"{value:.15g}" for value in values[wrong[0] : wrong[0] + 2])
         raise InputError(
-            f"{record.where}: '{name}' must be numbers that rise from frame to frame, got "
-            f"{after:.15g} after {before:.15g} in frame {wrong[0] + 1}; cut the recording where "
-            "they do not, or leave the field out"
+            f"{record.where}: '{name}' must be numbers that rise from frame to frame, got {after} "
+            f"after {before} in frame {wrong[0] + 1}; {remedy_of(record, name)}"
         )
     values = values - values[0]
     if name in TIME_NAMES:
@@ -208,6 +207,19 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
         return clock_of_times(record, name, seconds, said)
     stride, _ = usual_step(values)
     return Clock(name, values / stride, None, stride)
+
+
+def remedy_of(record: Record, name: str) -> str:
+    """What to do about times or numbers of frames that do not rise."""
+    value = record.values[name]
+    if isinstance(value, Array) and value.dtype == np.float32:
+        steps, digit = np.diff(value.astype(np.float64)), np.spacing(np.nanmax(np.abs(value)))
+        if np.nanmean(np.abs(steps)) < digit / EVEN:
+            return "float32 has too few digits for them: save them as float64 or as integers"
+    return (
+        "leave out the frames that have the time or the number of the one before, cut the "
+        "recording where they start again, or leave the field out"
+    )
 
 
 def clock_of_times(record: Record, name: str, seconds: Array, said: float | None) -> Clock:

@@ -258,6 +258,23 @@ def test_times_that_do_not_rise_are_refused_with_the_frame_that_shows_it(
 
 
 @pytest.mark.parametrize(
+    ("times", "remedy"),
+    [
+        (1.7e9 + KEPT / 30, "float32 has too few digits for them: save them as float64"),
+        (1.7e18 + 1e9 * KEPT / 30, "float32 has too few digits for them: save them as float64"),
+        (KEPT[[0, 1, 1, 3, 4]] / 30, "leave out the frames that have the time"),
+        (KEPT[[0, 1, 2, 0, 1]] / 30, "cut the recording where they start again"),
+    ],
+)
+def test_times_that_do_not_rise_are_told_to_be_of_few_digits_where_they_are(
+    times, remedy, tmp_path
+):
+    np.savez(tmp_path / "hand.npz", **fields(KEPT / 30, timestamps=times.astype(np.float32)))
+    with pytest.raises(InputError, match=remedy):
+        geneoh.load(tmp_path / "hand.npz")
+
+
+@pytest.mark.parametrize(
     ("times", "words"),
     [
         (["", "", ""], "line 2 must have the number or the time of its frame"),
