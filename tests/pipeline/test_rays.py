@@ -61,6 +61,13 @@ def test_noise_that_is_alike_in_all_directions_tells_none(seed):
     assert found_ray(shaken(still(), 0.004, 0.004, seed), world(), 30.0) is None
 
 
+def test_a_long_track_tells_no_ray_by_a_slight_difference():
+    frames = 6000
+    hand, motion = still(frames), world(frames)
+    assert found_ray(shaken(hand, 0.0045, 0.004), motion, 30.0) is None
+    assert found_ray(shaken(hand, 0.006, 0.004), motion, 30.0) is not None
+
+
 def test_few_frames_and_small_noise_tell_none():
     assert found_ray(shaken(still(12), 0.006, 0.002), world(12), 30.0) is None
     assert found_ray(shaken(still(2), 0.006, 0.002), world(2), 30.0) is None
