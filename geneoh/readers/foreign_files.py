@@ -24,6 +24,15 @@ AS_MATRICES = (
 )
 """What to do about poses of other shapes."""
 
+IN_A_TEXT = (
+    "write the 16 numbers of a 4x4 matrix with spaces between them; a position and a quaternion "
+    "or axis-angle make one"
+)
+"""What to do about a text that holds no matrix."""
+
+TEXTS = (".txt", ".csv", ".tsv", ".json", ".jsonl", ".yaml", ".yml")
+"""Endings of texts, in which people have poses in many forms."""
+
 TABLE_LIMIT = 2**29
 """Bytes of a table that is read line by line."""
 
@@ -57,6 +66,12 @@ def read_poses(path: Path) -> tuple[Array, int]:
         first = min(files)
         found = {frame - first: read_matrix(file) for frame, file in files.items()}
         return by_frame(found, max(files) + 1 - first, 4, 4), first
+    if path.suffix.lower() in TEXTS and path.is_file():
+        raise InputError(
+            f"{path}: expected the object's poses as a npy file of (T, 4, 4) matrices, or as a "
+            f"folder with a text of each frame's matrix, got a {path.suffix} file; read it in "
+            f"Python, {AS_MATRICES}, and save them with numpy.save"
+        )
     return read_array(path, *POSE_SHAPES, remedy=AS_MATRICES), 0
 
 
@@ -75,7 +90,7 @@ def files_of_poses(folder: Path) -> dict[int, Path]:
 
 def read_matrix(path: Path) -> Array:
     """The 4x4 matrix in a text, in four rows or in one."""
-    values = read_numbers(path, 4, 16)
+    values = read_numbers(path, 4, 16, remedy=IN_A_TEXT)
     if values.size != 16:
         raise InputError(f"{path}: expected a 4x4 matrix, got {len(values)} rows; write it again")
     return values.reshape(4, 4)
@@ -159,8 +174,11 @@ def number_in(text: str) -> float:
         return float("nan")
 
 
-def read_numbers(path: Path, *counts: int) -> Array:
-    """The numbers of a text, one row a line, or all of one row; a row has one of the counts."""
+def read_numbers(path: Path, *counts: int, remedy: str = "it is damaged, copy it again") -> Array:
+    """The numbers of a text, one row a line, or all of one row; a row has one of the counts.
+
+    `remedy` is what to do about other texts.
+    """
     rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
     try:
         values = np.array([[float(word) for word in row] for row in rows])
@@ -170,7 +188,7 @@ def read_numbers(path: Path, *counts: int) -> Array:
         wanted = " or ".join(map(str, counts))
         raise InputError(
             f"{path}: expected rows of {wanted} numbers, got {len(rows)} rows of "
-            f"{sorted({len(row) for row in rows})[:4]} words; it is damaged, copy it again"
+            f"{sorted({len(row) for row in rows})[:4]} words; {remedy}"
         )
     return values
 

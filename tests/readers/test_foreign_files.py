@@ -47,3 +47,20 @@ def test_a_folder_of_other_files_is_refused_by_its_file(tmp_path, name, text, wo
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=re.escape(words)):
         read_poses(tmp_path)
+
+
+@pytest.mark.parametrize("ending", [".txt", ".csv", ".json"])
+def test_a_text_of_all_poses_is_refused_with_what_to_save(tmp_path, ending):
+    path = tmp_path / f"poses{ending}"
+    np.savetxt(path, np.tile(np.eye(4).ravel(), (3, 1)))
+    with pytest.raises(InputError, match=rf"a npy file of .* got a {ending} file; .* numpy\.save"):
+        read_poses(path)
+
+
+@pytest.mark.parametrize(
+    "text", ["0\n0\n0.5\n0\n0\n0\n1\n", "1,0,0,0\n0,1,0,0\n0,0,1,0\n0,0,0,1\n"]
+)
+def test_texts_of_other_numbers_are_not_called_damaged(tmp_path, text):
+    (tmp_path / "0.txt").write_text(text)
+    with pytest.raises(InputError, match="write the 16 numbers of a 4x4 matrix with spaces"):
+        read_poses(tmp_path)
