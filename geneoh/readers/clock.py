@@ -217,8 +217,8 @@ def remedy_of(record: Record, name: str) -> str:
         if np.nanmean(np.abs(steps)) < digit / EVEN:
             return "float32 has too few digits for them: save them as float64 or as integers"
     return (
-        "leave out the frames that have the time or the number of the one before, cut the "
-        "recording where they start again, or leave the field out"
+        "leave out the frames that have none or that of the one before, cut the recording where "
+        "they start again, or leave the field out"
     )
 
 

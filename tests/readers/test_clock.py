@@ -262,7 +262,7 @@ def test_times_that_do_not_rise_are_refused_with_the_frame_that_shows_it(
     [
         (1.7e9 + KEPT / 30, "float32 has too few digits for them: save them as float64"),
         (1.7e18 + 1e9 * KEPT / 30, "float32 has too few digits for them: save them as float64"),
-        (KEPT[[0, 1, 1, 3, 4]] / 30, "leave out the frames that have the time"),
+        (KEPT[[0, 1, 1, 3, 4]] / 30, "leave out the frames that have none or that of the one"),
         (KEPT[[0, 1, 2, 0, 1]] / 30, "cut the recording where they start again"),
     ],
 )
