@@ -5,7 +5,7 @@ Every refusal names the file and the field, what was expected, what came and wha
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import Any
 
@@ -113,7 +113,9 @@ class Record:
         if not cure and self.remedy.startswith(RESHAPE) and is_transposed(array.shape, shapes):
             cure = "bring its axes into this order with transpose, reshape would mix them"
         wanted = " or ".join(map(shown, shapes))
-        raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
+        nested = isinstance(self.values.get(name), list)  # whose shape is told, too
+        told = replace(self, values={**self.values, name: array}) if nested else self
+        raise told.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
 
     def optional_array(self, name: Any, *shapes: Shape, **refusal: str) -> Array | None:
         """As `array`, or None where the field is not there."""

@@ -31,6 +31,12 @@ def test_a_shape_fits_with_axes_of_one_dropped_or_added():
         record.array("trans", ("T", 4))
 
 
+def test_lists_of_another_shape_are_told_by_their_shape():
+    record = Record("file", {"turn": [[0.0, 0.0, 0.0, 1.0]]})
+    with pytest.raises(InputError, match=r"got \(1, 4\) of float64"):
+        record.array("turn", ("T", 3, 3))
+
+
 def test_lists_that_hold_each_other_are_refused_before_they_become_an_array():
     with pytest.raises(InputError, match="at most 134217728 numbers"):
         Record("a.pkl", {"pose": doubled(45)}).array("pose", ("T", 48))
