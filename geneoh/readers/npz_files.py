@@ -106,9 +106,11 @@ def load(
     record = with_callers(record, "obj_pose", object_pose)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
+    for note in npz_layouts.misspelt(record, layout):  # first: it may be why the rest is refused
+        LOG.warning("%s: %s", path, note)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
     notes = (*notes, missing) if missing else notes
-    for note in (*notes, *npz_layouts.misspelt(record, layout)):
+    for note in notes:
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"

@@ -133,6 +133,14 @@ def test_a_slip_in_a_field_name_is_told(tmp_path, caplog):
     assert "'confidense' is not read; is it 'confidence'?" in caplog.text
 
 
+def test_a_slip_in_the_name_of_the_only_hand_is_told_though_the_file_is_refused(tmp_path, caplog):
+    marks = {"format": "geneoh-sequence", "version": 1}
+    np.savez(tmp_path / "a.npz", **marks, left_joint=np.ones((FRAMES, 21, 3)))
+    with pytest.raises(InputError, match="expected at least one hand"):
+        load(tmp_path / "a.npz")
+    assert "'left_joint' is not read; is it 'left_joints'?" in caplog.text
+
+
 def test_one_mesh_belongs_to_each_part(tmp_path):
     save_sequence(two_hands(), tmp_path / "a.npz")
     mesh = Mesh(0.1 * torch.eye(3), torch.tensor([[0, 1, 2]]))
