@@ -128,7 +128,8 @@ class Comparison:
         """The delay, negative where the part comes early, of which nothing tells whose it is; None
         for none."""
         filtered = self.filter_of_part is not None or self.filter_of_palm is not None
-        return self.of_part.filter if self.of_part.is_late and not filtered else None
+        alone = self.of_part.is_late and abs(self.of_part.breadth) < LAG
+        return self.of_part.filter if alone and not filtered else None
 
     def _lags(self, one: Found, other: Found) -> bool:
         """Whether one comes late as what was filtered does, seen from both sides."""

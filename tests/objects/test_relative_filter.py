@@ -1,0 +1,86 @@
+"""Which of hand and object was filtered, told by how the one moves beside the other."""
+
+import pytest
+import torch
+
+from geneoh.objects.palms import palm_of
+from geneoh.objects.relative_filter import LowPass, compared
+from geneoh.sequence.sequence import Sequence
+from tools.noisy_objects.clips import clip_of, with_noisy_hand
+from tools.noisy_objects.filters import filtered_as, lag, smooth
+
+FRAME = 1 / 30
+TIME = torch.arange(90) * FRAME
+PATH = torch.stack([torch.sin(3 * TIME), torch.cos(2 * TIME), TIME**2], -1)  # metres
+
+
+def comparison(sequence: Sequence):
+    return compared(sequence.object, 0, palm_of(sequence.hands[0]), sequence.fps)
+
+
+@pytest.mark.parametrize(
+    ("through", "size", "filter_"),
+    [
+        (smooth, 2.0, LowPass(0.0, (2 * FRAME) ** 2)),
+        # each frame counts by a share s: delay (1 - s) / s frames, variance (1 - s) / s²
+        (lag, 0.5, LowPass(1 * FRAME, 2 * FRAME**2)),
+    ],
+)
+def test_the_moments_of_a_filter_undo_it(through, size, filter_):
+    blurred = torch.from_numpy(through(PATH.double().numpy(), size)).float()
+    inner = slice(12, -12)
+    before = (blurred - PATH)[inner].norm(dim=-1).mean()
+    after = (filter_.undone(blurred, 30.0) - PATH)[inner].norm(dim=-1).mean()
+    assert after < 0.05 * before
+
+
+def test_filters_one_after_the_other_add_up_and_say_what_they_are():
+    whole = LowPass(0.05, 0.003) + LowPass(0.02, 0.0019)
+    assert str(whole) == "as by a filter with a deviation of 70 ms and 70 ms late"
+    assert str(LowPass(0.0, 0.01)) == "as by a filter with a deviation of 100 ms"
+
+
+@pytest.mark.parametrize("noise", ["clean", "gauss", "bias", "drift", "drop", "camera"])
+def test_nothing_is_found_where_nothing_was_filtered(noise):
+    for name in ("recording", "mug", "shaken mug", "beside mug"):
+        found = comparison(with_noisy_hand(clip_of(name), noise, 0))
+        assert found is None or (
+            found.filter_of_part is found.filter_of_palm is found.delay is None
+        ), name
+
+
+@pytest.mark.parametrize("noise", ["clean", "gauss", "camera"])
+# a recorded hand moves over what it holds
+@pytest.mark.parametrize(("name", "within"), [("recording", 2 * FRAME), ("mug", FRAME)])
+def test_the_filter_of_an_object_is_found(name, within, noise):
+    noisy = with_noisy_hand(clip_of(name), noise, 0)
+    late, smoothed = (comparison(filtered_as(noisy, kind)) for kind in ("lag 0.3", "smooth 3"))
+    assert late.filter_of_palm is smoothed.filter_of_palm is None
+    assert late.filter_of_part.delay == pytest.approx(7 / 3 * FRAME, abs=within)
+    assert smoothed.filter_of_part.delay == pytest.approx(0, abs=within)
+    assert smoothed.filter_of_part.variance**0.5 == pytest.approx(3 * FRAME, abs=within)
+
+
+@pytest.mark.parametrize("noise", ["clean", "gauss"])
+def test_the_filter_of_a_hand_is_found(noise):
+    noisy = with_noisy_hand(clip_of("mug"), noise, 0)
+    late = comparison(filtered_as(noisy, "hand lag 0.3"))
+    smoothed = comparison(filtered_as(noisy, "hand smooth 3"))
+    assert late.filter_of_part is smoothed.filter_of_part is None
+    assert late.filter_of_palm.delay == pytest.approx(7 / 3 * FRAME, abs=FRAME / 2)
+    assert smoothed.filter_of_palm.delay == pytest.approx(0, abs=FRAME / 2)
+
+
+@pytest.mark.parametrize(("kind", "sign"), [("late 2", 1), ("hand late 2", -1)])
+def test_of_a_delay_nothing_tells_whose_it_is(kind, sign):
+    found = comparison(filtered_as(clip_of("mug"), kind))
+    assert found.filter_of_part is found.filter_of_palm is None
+    assert found.delay.delay == pytest.approx(sign * 2 * FRAME, abs=FRAME / 2)
+
+
+def test_an_object_at_rest_tells_nothing():
+    clip = clip_of("mug")
+    still = clip.object.rotation[:1].expand_as(clip.object.rotation).clone()
+    place = clip.object.translation[:1].expand_as(clip.object.translation).clone()
+    motion = type(clip.object)(clip.object.meshes, still, place)
+    assert compared(motion, 0, palm_of(clip.hands[0]), clip.fps) is None
