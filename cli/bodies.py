@@ -28,14 +28,14 @@ reading_options = options.together(
         options.FILE_OR_FOLDER,
     ),
 )
-FOR_OBJECTS = ("frames", "guidance", "draws")
+FOR_OBJECTS = ("frames", "guidance", "draws", "joint")
 FOR_BODIES = ("skeleton", "clip", "fps", "object_pose")
 """Parameters of `geneoh generate` that mean something only without --body, and only with it."""
 
 
-def refuse_others(body: Path | None, obj: Path | None) -> None:
+def refuse_others(body: Path | None, obj: tuple[Path, ...]) -> None:
     """Refuse, by name, options that would be ignored, and a command without anything to move."""
-    if body is None and obj is None:
+    if body is None and not obj:
         raise click.UsageError("Missing option '--obj' or '--body'")
     if body is None:
         options.refuse(FOR_BODIES, "needs --body")
@@ -49,7 +49,7 @@ def make_hands(
     sentence: str,
     body: Path,
     *,
-    obj: Path | None,
+    obj: tuple[Path, ...],
     outputs: tuple[Path, ...],
     overwrite: bool,
     unit: Any,
@@ -60,12 +60,14 @@ def make_hands(
     from geneoh.files.outputs import check_ending, check_outputs
 
     options.refuse_unit_without(obj)
+    if len(obj) > 1:
+        raise click.UsageError(f"--obj is of one mesh with --body, got {len(obj)}; name one")
     outputs = outputs or (body.with_name(f"{body.stem}_hands.npz"),)
     for output in outputs:
         check_ending(output, ENDINGS)
     reading = {name: chosen.pop(name) for name in ("clip", "fps", "up")}
     reading["model"] = chosen.pop("skeleton")
-    read = [body, obj, object_pose, reading["model"]]
+    read = [body, *obj, object_pose, reading["model"]]
     check_outputs(outputs, inputs=read, overwrite=overwrite)
 
     from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
@@ -75,8 +77,7 @@ def make_hands(
     from . import reports
 
     given = read_body(body, **reading)
-    meshes = () if obj is None else (obj,)
-    held = object_of_body(body, given.frames, obj=meshes, object_pose=object_pose, unit=unit)
+    held = object_of_body(body, given.frames, obj=obj, object_pose=object_pose, unit=unit)
     asked = BodyOptions(**{n: v for n, v in chosen.items() if n not in FOR_OBJECTS})
     with progress.progress_bars() as on_progress:
         made = generate_on_body(

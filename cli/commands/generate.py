@@ -13,7 +13,16 @@ from .. import bodies, options, progress
 
 @click.command()
 @click.argument("sentence")
-@options.option("--obj: Mesh file of the object.", options.FILE)
+@options.many(
+    "--obj: Mesh file of the object. Give it twice for an object of two parts, closed and in one "
+    "frame, first the part that rests; then it can be opened and closed.",
+    options.FILE,
+)
+@options.option(
+    "--joint: How the second part moves, in metres of that frame: hinge:X,Y,Z:AX,AY,AZ turns about "
+    "an axis through a point by the right-hand rule, slide:AX,AY,AZ slides; :DEGREES or "
+    ":CENTIMETRES behind it says how far.  [default: as found from the meshes]"
+)
 @options.option(
     "--body: Moving body to give hands: npz by smplx names or of AMASS, BVH, BOTH57M, Motion-X.",
     options.FILE,
@@ -67,7 +76,8 @@ from .. import bodies, options, progress
 @options.device
 def generate(
     sentence: str,
-    obj: Path | None,
+    obj: tuple[Path, ...],
+    joint: str | None,
     body: Path | None,
     outputs: tuple[Path, ...],
     overwrite: bool,
@@ -78,8 +88,8 @@ def generate(
 
     With --obj, such as "lift the mug with the left hand": writes hands, the poses of the object,
     `contact`, the probability that each vertex of the mesh is touched, and `prompt`. Known verbs:
-    lift, put down, carry, slide, rotate, pour, tilt, shake, inspect, press, pass; sentences with
-    others are taken for the nearest one.
+    lift, put down, carry, slide, rotate, pour, tilt, shake, inspect, press, pass, and with the
+    parts of an object open and close; sentences with others are taken for the nearest one.
 
     With --body, such as "the right hand waves, the left rests": writes both hands of the body, and
     the body with its fingers under smplx names. An object that the body's file holds, or --obj with
@@ -90,31 +100,31 @@ def generate(
     be a text file, as @FILE.
     """
     bodies.refuse_others(body, obj)
-    files = {"obj": obj, "outputs": outputs, "overwrite": overwrite, "unit": unit}
+    files = {"outputs": outputs, "overwrite": overwrite, "unit": unit}
     if body is not None:
-        bodies.make_hands(sentence, body, **files, **chosen)
+        bodies.make_hands(sentence, body, obj=obj, **files, **chosen)
         return
-    assert obj is not None, "refused before"
     from geneoh.errors import InputError
     from geneoh.files.outputs import check_ending, check_outputs
 
-    output, *more = outputs or (obj.with_name(f"{obj.stem}_generated.npz"),)
+    output, *more = outputs or (obj[0].with_name(f"{obj[0].stem}_generated.npz"),)
     if more:
         raise InputError(f"{more[0]}: expected one file with --obj, got {len(outputs)}; name one")
     check_ending(output, (".npz",))
-    check_outputs([output], inputs=[obj], overwrite=overwrite)
+    check_outputs([output], inputs=obj, overwrite=overwrite)
 
     from geneoh.generators.sentences import prompt_text
     from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
-    from geneoh.geometry.mesh import load_mesh
+    from geneoh.geometry.mesh import meshes_of
 
     from .. import reports
 
-    mesh = load_mesh(obj, unit=unit)
+    meshes = meshes_of(obj, unit)
     own = {name: value for name, value in chosen.items() if name not in bodies.FOR_BODIES}
     asked = GenerateOptions(up=own.pop("up") or "z", **own)
+    words = prompt_text(sentence)
     with progress.progress_bars() as on_progress:
-        made = generate(prompt_text(sentence), mesh, asked, on_progress=on_progress)
+        made = generate(words, meshes, asked, joint=joint, on_progress=on_progress)
     save_generated(made, output)
     for line in reports.generated(made, output):
         click.echo(line)

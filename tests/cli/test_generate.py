@@ -11,6 +11,7 @@ import trimesh
 import geneoh
 from geneoh.generators.text2hoi import generate as module
 from geneoh.generators.text2hoi.generate import Generated
+from geneoh.generators.text2hoi.jointed import asked_joint, joined
 from geneoh.generators.text2hoi.prompt import read_prompt
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh_cli.reports import refined
@@ -24,12 +25,13 @@ def made(monkeypatch) -> list:
     """What `geneoh generate` asks for; the networks are tested elsewhere."""
     asked = []
 
-    def pretended(sentence, mesh, options, *, on_progress=None):
+    def pretended(sentence, meshes, options, *, joint=None, on_progress=None):
+        asked_joint(meshes, joint)
         prompt = read_prompt(sentence)
         asked.append((sentence, options))
         hand = HandTrack("left", torch.ones(4, dtype=torch.bool), joints=torch.rand(4, 21, 3))
-        sequence = Sequence((hand,), ObjectTrack.resting((mesh,), 4), 30.0)
-        return Generated(sequence, torch.zeros(len(mesh.verts)), prompt, None)
+        sequence = Sequence((hand,), ObjectTrack.resting(meshes, 4), 30.0)
+        return Generated(sequence, torch.zeros(len(joined(meshes).verts)), prompt, None)
 
     monkeypatch.setattr(module, "generate", pretended)
     return asked
@@ -55,6 +57,14 @@ def test_the_device_that_is_named_is_asked_for(generate, made):
     generate(SENTENCE, "--obj", "box.obj", "--device", "cuda:7")
     ((_, options),) = made
     assert options.device == "cuda:7"
+
+
+def test_an_object_of_two_parts_is_written_beside_the_first(generate, made):
+    trimesh.creation.box((0.05, 0.06, 0.01)).apply_translation((0, 0, 0.055)).export("lid.obj")
+    parts = ["--obj", "box.obj", "--obj", "lid.obj", "--joint", "hinge:0,0.03,0.05:-1,0,0"]
+    generate("open the box with the left hand", *parts)
+    found = geneoh.load("box_generated.npz")
+    assert [Path(mesh.source).name for mesh in found.object.meshes] == ["box.obj", "lid.obj"]
 
 
 def test_a_verb_that_was_never_learned_is_told_with_the_nearest(generate, made):
@@ -84,6 +94,13 @@ def test_a_sentence_may_be_in_a_file(generate, made):
         ([SENTENCE, "--obj", "box.obj", "-o", "clip.mp4"], ".npz"),
         ([SENTENCE, "--obj", "box.obj", "-o", "box.obj"], "box.obj"),
         ([SENTENCE, "--obj", "box.obj", "--up", "w"], "--up"),
+        (
+            [SENTENCE, *["--obj", "box.obj"] * 3],
+            "one mesh, or two for the parts of an object, got 3",
+        ),
+        ([SENTENCE, "--obj", "box.obj", "--joint", "slide:1,0,0"], "two parts, got one mesh"),
+        ([SENTENCE, *["--obj", "box.obj"] * 2, "--joint", "slide:0,0,0"], "got zeros"),
+        ([SENTENCE, *["--obj", "box.obj"] * 2, "--joint", "slide:1,0,0:-5"], "range above 0"),
     ],
 )
 def test_bad_input_ends_in_a_sentence_and_exit_code_2(generate, made, arguments, said):

@@ -13,16 +13,19 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
+from geneoh.generators.text2hoi.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.opening import rigid_part
 from geneoh.generators.text2hoi.passing import passed_by
-from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
+from geneoh.generators.text2hoi.prompt import JOINTED, Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased_time, finished
 from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
-from geneoh.geometry.mesh import Mesh, mesh_of
+from geneoh.geometry.joint import Joint
+from geneoh.geometry.mesh import Mesh, MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import clean_interaction
@@ -91,9 +94,10 @@ class Generated:
 @undisturbed()
 def generate(
     sentence: str,
-    mesh: Mesh | Path | str,
+    mesh: MeshInput,
     options: GenerateOptions | None = None,
     *,
+    joint: Joint | str | None = None,
     on_progress: OnProgress | None = None,
 ) -> Generated:
     """Make hands do with an object what a sentence says.
@@ -103,24 +107,33 @@ def generate(
 
     Args:
         sentence: such as "pour from the kettle with the right hand"; English, of one action.
-        mesh: the object or its file, metres.
+        mesh: the object or its file, metres; or two of them for the parts of an object, in one
+            frame and closed, the part that rests first.
         options: see `GenerateOptions`.
+        joint: how the second part moves, a `Joint` or its text such as "hinge:0,0.05,0.07:-1,0,0"
+            (see `geneoh.geometry.joint.FORM`); without it, it is found from the meshes.
         on_progress: told of the stages "motion" and those of the cleaner.
 
     Raises:
-        InputError: the sentence is empty, not English or contradicts itself, or the object is too
-            large or too small for hands.
+        InputError: the sentence is empty, not English or contradicts itself, the object is too
+            large or too small for hands, or parts and joint do not fit each other.
         ConfigError: these are no options, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
     asked = GenerateOptions() if options is None else options
     options = given_options(asked, GenerateOptions, "geneoh.generate")
     device = named_device(options.device)
-    prompt = read_prompt(sentence, frames=options.frames)
+    meshes = meshes_of(mesh)
+    given = asked_joint(meshes, joint)
+    prompt = read_prompt(sentence, frames=options.frames, jointed=len(meshes) > 1)
     networks = load_networks(options.weights, text_encoder=options.text_encoder, device=device)
-    mesh = mesh_of(mesh, "m")
-    stood = stand(mesh, options.up, generator=seeded_generator(options.seed, "points"))
-    objects = objects_of(stood)
+    stood = stand(joined(meshes), options.up, generator=seeded_generator(options.seed, "points"))
+    notes: tuple[str, ...] = ()
+    jointed: JointedObject | None = None
+    if len(meshes) == 2 and prompt.verb in JOINTED:
+        pair = meshes[0], meshes[1]
+        jointed, notes = JointedObject.of(pair, stood, given, closes=prompt.verb == "close")
+    objects = objects_of(stood) if jointed is None else jointed.objects
     frames = options.frames or prompt.frames or length_of(networks, prompt, options)
     actions, contact = sample(
         networks,
@@ -131,22 +144,30 @@ def generate(
         SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=seeded_generator(options.seed, "motion"),
         giver=[prompt.giver],
+        fitting=None if jointed is None else jointed.reached,
         on_step=on_progress and partial(on_progress, "motion"),
     )
     actions, contact = actions.to("cpu"), contact.to("cpu")
-    notes: tuple[str, ...] = ()
-    if missed_motion(actions) > 0:
+    if jointed is not None:
+        actions = jointed.guided(actions)
+    elif missed_motion(actions) > 0:
         fault = "hands are not at the object all the while it is to move, and it rests without them"
         notes = (_fault_note(options.draws, fault),)
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
-    settle = partial(settled, stood=stood, generator=seeded_generator(options.seed, "hold"))
-    actions = finished(actions, settle if options.refine == "geneoh" else None)
+    hold = seeded_generator(options.seed, "hold")
+    settles = options.refine == "geneoh"
+    if jointed is not None:
+        actions, faults = jointed.finished(actions, hold if settles else None)
+        notes = (*notes, *faults)
+    else:
+        settle = partial(settled, stood=stood, generator=hold)
+        actions = finished(actions, settle if settles else None)
     if not passed_by(actions, [prompt.giver]).all():
         fault = f"the {prompt.giver} hand does not pass the object on"
         notes = (*notes, _fault_note(options.draws, fault))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
-    sequence, refined = placed(actions, stood, prompt.sentence), None
+    sequence, refined = placed(actions, stood, meshes, prompt.sentence), None
     if options.refine == "geneoh":
         # no tracker can have lost these hands: one that stands still at its object is meant to
         cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
@@ -177,10 +198,14 @@ def objects_of(stood: StandingObject) -> Objects:
     )
 
 
-def placed(actions: Actions, stood: StandingObject, sentence: str) -> Sequence:
-    """The first action as a sequence, with the poses of the mesh as its file has it."""
-    sequence = sequence_of(actions, (stood.mesh,), f"generated: {sentence}")
-    rotation, translation = (each[: sequence.frames, None] for each in stood.poses(actions))
+def placed(
+    actions: Actions, stood: StandingObject, meshes: tuple[Mesh, ...], sentence: str
+) -> Sequence:
+    """The first action as a sequence, with the poses of the meshes as their files have them."""
+    sequence = sequence_of(actions, meshes, f"generated: {sentence}")
+    moved = [rigid_part(actions, part) for part in range(len(meshes))]
+    poses = zip(*map(stood.poses, moved), strict=True)
+    rotation, translation = (torch.stack(each, 1)[: sequence.frames] for each in poses)
     motion = replace(sequence.object, rotation=rotation, translation=translation)
     return replace(sequence, object=motion)
 

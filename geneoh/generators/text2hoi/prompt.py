@@ -67,7 +67,7 @@ class Prompt:
     """The hand that passes the object to the other; None where either may."""
 
 
-def read_prompt(text: str, *, frames: int | None = None) -> Prompt:
+def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) -> Prompt:
     """What a sentence asks for, by its words first and then by our text encoder.
 
     A verb that no made action shows is replaced by the nearest one, and a sentence that names no
@@ -88,7 +88,7 @@ def read_prompt(text: str, *, frames: int | None = None) -> Prompt:
     words = with_other_hand(sentence, words, ruled_out)
     told = sentence if words == words_of(sentence) else " ".join(words)
     verb, known, verb_notes = asked_verb(told, words)
-    if verb in JOINTED:
+    if verb in JOINTED and not jointed:
         verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
     hands, hand_notes = asked_hands(told, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes)

@@ -1,10 +1,10 @@
 """From sentences and objects to actions: contact maps, then a reverse process over all numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
@@ -52,6 +52,7 @@ def sample(
     generator: torch.Generator,
     contact: Float[Tensor, "B P"] | None = None,
     giver: Sequence[Side | None] | None = None,
+    fitting: Callable[[Actions], Bool[Tensor, " B"]] | None = None,
     on_step: OnStep | None = None,
 ) -> tuple[Actions, Float[Tensor, "B P"]]:
     """An action for each sentence with its object, its hands and its number of frames; and the
@@ -60,8 +61,9 @@ def sample(
     Of `config.draws` actions for a sentence the best one is kept (see `best_draws`). Each of them
     has a contact map of its own from `contact_of`, unless those of the sentences are given. Where
     `giver` names the hand that passes the object to the other, one in which that hand does is kept,
-    if one was drawn. Verbs and names are `UNKNOWN`. Clips are drawn with whole tokens, because axes
-    that frames of a token share fit no parts of one, and then take the time that is asked for.
+    if one was drawn; or `fitting` tells of all drawn actions which ones fit. Verbs and names are
+    `UNKNOWN`. Clips are drawn with whole tokens, because axes that frames of a token share fit no
+    parts of one, and then take the time that is asked for.
 
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
@@ -87,6 +89,8 @@ def sample(
     if giver is not None:
         asked: list[Side | None] = [giver[int(clip)] for clip in clips]
         fits = passed_by(drawn, asked, config.draws)
+    if fitting is not None:
+        fits = fitting(drawn)
     kept = best_draws(drawn, config.draws, fits)
     return drawn.take(kept, "B"), contact[kept]
 

@@ -98,6 +98,7 @@ def settled_pose(
     hold: Int[Tensor, " N"],
     before: OtherHands | None,
     table: Table,
+    part: Solids | None = None,
 ) -> tuple[HeldHands, Int[Tensor, ""], bool]:
     """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
 
@@ -127,7 +128,8 @@ def settled_pose(
     depth = depth.clamp(min=0).amax(1)
     if other is not None:
         depth = depth + other.depth(centers, radii).clamp(min=0).amax(1)
-    holding = Holding.of(solids, found)
+    touched = solids if part is None else part.take(copies, "B")
+    holding = Holding.of(touched, found)
     best = (holding.touching - depth / TOUCH - LOOSE * holding.loose).argmax()
     fits = (holding.loose[best] < FIRM) & (depth[best] < DEEP)
     return found.take(best[None], "N"), tried[best], bool(fits)
@@ -193,7 +195,8 @@ def shifts_out(
     start, frames = hand.wrist, torch.arange(len(hand.wrist))
     for _ in range(ROUNDS):
         centers, radii = hand.spheres
-        distance, normal = solids.distance_and_normal(centers.flatten(0, 1)[None])
+        asked = centers if len(solids.kind) > 1 else centers.flatten(0, 1)[None]
+        distance, normal = solids.distance_and_normal(asked)
         depth, deepest = (radii - distance.view(radii.shape)).clamp(min=0).max(1)
         shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
         hand = replace(hand, wrist=hand.wrist + shift)

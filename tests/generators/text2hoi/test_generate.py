@@ -8,9 +8,10 @@ import torch
 import trimesh
 from made_actions import WordEncoder
 from made_networks import TINY
+from two_parts import DEEP, HIGH, HINGE, box_with_lid
 
 import geneoh
-from geneoh.errors import ConfigError
+from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi import generate as module
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
@@ -186,3 +187,42 @@ def test_what_is_told_of_the_result_is_measured_of_what_is_written(mug, tmp_path
     told, measured = made.refined.hands["left"].after, again.hands["left"].before
     assert told.acceleration_mm > 0.1
     assert told.as_dict() == pytest.approx(measured.as_dict(), rel=0.02, abs=0.02, nan_ok=True)
+
+
+@pytest.mark.parametrize("verb", ["open", "close"])
+def test_the_lid_of_a_box_that_stands_turns_about_its_hinge_within_its_range(verb):
+    made = generate(f"{verb} the box with the right hand", box_with_lid(), PLAIN, joint=HINGE)
+    motion = made.sequence.object
+    base, lid = (motion.rotation[:, part] for part in range(2))
+    assert torch.allclose(base, base[:1].expand_as(base), atol=1e-6)
+    pivot = torch.tensor([0.0, DEEP / 2, HIGH])
+    at_pivot = [motion.rotation[:, part] @ pivot + motion.translation[:, part] for part in (0, 1)]
+    assert torch.allclose(*at_pivot, atol=1e-5)
+    turned = base.mT @ lid
+    assert torch.allclose(turned[:, 0, 0], torch.ones(20), atol=1e-5)
+    angle = torch.atan2(turned[:, 1, 2], turned[:, 1, 1])
+    assert (angle >= -1e-4).all()
+    assert (angle <= np.deg2rad(100) + 1e-4).all()
+    assert angle[-1 if verb == "close" else 0] == pytest.approx(0, abs=1e-4)
+    assert not any("no joint" in note for note in made.prompt.notes)
+
+
+def test_a_closed_box_is_carried_as_one():
+    made = generate("carry the box with the right hand", box_with_lid(), PLAIN)
+    motion = made.sequence.object
+    assert len(motion.meshes) == 2
+    assert torch.allclose(motion.rotation[:, 0], motion.rotation[:, 1], atol=1e-6)
+    assert torch.allclose(motion.translation[:, 0], motion.translation[:, 1], atol=1e-6)
+    assert len(made.contact) == sum(len(mesh.verts) for mesh in motion.meshes)
+
+
+def test_the_joint_that_was_found_is_told():
+    notes = generate("open the box", box_with_lid(), PLAIN).prompt.notes
+    assert any("the joint is found from the meshes: --joint hinge:" in note for note in notes)
+
+
+def test_one_mesh_that_is_to_be_opened_is_told_to_have_no_joint(mug):
+    notes = generate("open the mug", mug, PLAIN).prompt.notes
+    assert any("a mesh has no joint to open" in note for note in notes)
+    with pytest.raises(InputError, match="a joint is of an object of two parts"):
+        generate("open the mug", mug, PLAIN, joint=HINGE)

@@ -1,0 +1,92 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from draws import seeded
+from made_actions import box_actions
+from two_parts import DEEP, HIGH, HINGE, box_with_lid
+
+from geneoh.generators.text2hoi.held_hands import HeldHands, table_of
+from geneoh.generators.text2hoi.jointed import JointedObject, joined
+from geneoh.generators.text2hoi.opening import rigid_part
+from geneoh.generators.text2hoi.part_holds import PartShapes, held_at_parts, over_table
+from geneoh.generators.text2hoi.standing import stand
+from geneoh.geometry.joint import Joint
+from geneoh.geometry.rigid import Rigid
+from geneoh.synthesis.pose_prior import FINGER_MEAN
+
+FRAMES = 60
+
+
+@pytest.fixture(scope="module")
+def lidded():
+    """The box with a lid, upright on the table."""
+    meshes = box_with_lid(overhang=0.02)
+    stood = stand(joined(meshes), generator=seeded())
+    return JointedObject.of(meshes, stood, Joint.read(HINGE), closes=False)[0]
+
+
+@pytest.fixture(scope="module")
+def shapes(lidded):
+    """Its grids."""
+    return PartShapes.of(lidded.meshes)
+
+
+def opening(lidded):
+    """An action whose right hand hovers over the front of the lid while it opens by 60 degrees."""
+    actions = box_actions(["open"], frames=FRAMES, jointed=True)
+    still = torch.eye(3).expand(1, FRAMES, 3, 3), torch.zeros(1, FRAMES, 3)
+    made = replace(actions, rotation=still[0], translation=still[1], **vars(lidded.objects))
+    pose = torch.zeros(1, 2, FRAMES, 16, 3)
+    pose[:, 1, :, 1:] = FINGER_MEAN
+    wrist = torch.zeros(1, 2, FRAMES, 3)
+    # fingers point along -x and the palm down, once the hand's y is the world's z
+    pose[:, 1, :, 0] = torch.tensor([torch.pi / 2, 0.0, 0.0])
+    wrist[:, 1] = lidded.meshes[1].verts.mean(0) + torch.tensor([0.06, -DEEP / 2, 0.06])
+    joint = (torch.linspace(0, 1, FRAMES)[None] * 3 - 1).clamp(0, 1)
+    return replace(made, joint=joint, pose=pose, wrist=wrist, hands=torch.tensor([[False, True]]))
+
+
+def test_what_is_seen_from_a_part_is_the_other_one_where_the_joint_has_it(lidded, shapes):
+    states = torch.tensor([0.0, 1.2])
+    pose = lidded.joint.pose(states)
+    seen = shapes.seen_from(1, Rigid(pose.rotation[:, None], pose.translation[:, None]))
+    inside = torch.tensor([0.0, 0.0, HIGH / 2]).expand(2, 1, 3)
+    there = pose.inverse().apply(inside) - shapes.middles[1]
+    assert (seen.signed_distance(there) < -0.02).all()
+    assert (seen.signed_distance(torch.zeros(2, 1, 3)) < 0).all()
+
+
+def test_the_first_part_is_filled_so_that_no_hand_is_shut_in(shapes):
+    pose = Rigid(torch.eye(3)[None, None], torch.zeros(1, 1, 3))
+    seen = shapes.seen_from(0, pose)
+    assert seen.signed_distance(torch.zeros(1, 1, 3)) < -0.02
+
+
+def test_the_hand_is_at_the_lid_and_stays_in_its_place_while_the_lid_moves(lidded):
+    found = held_at_parts(opening(lidded), lidded.meshes, generator=seeded())
+    lid = rigid_part(found, 1)
+    moves = slice(FRAMES // 3, 2 * FRAMES // 3)
+    pose = Rigid(lid.rotation[0], lid.translation[0]).inverse()
+    at_lid = pose.apply(found.keypoints()[0, 1])[moves]
+    assert (at_lid - at_lid[:1]).norm(dim=-1).max() < 1e-4
+    gap = torch.cdist(at_lid[0], lid.points[0]).amin()
+    assert gap < 0.02
+
+
+def test_a_joint_that_rests_changes_no_hand(lidded):
+    still = replace(opening(lidded), joint=torch.zeros(1, FRAMES))
+    found = held_at_parts(still, lidded.meshes, generator=seeded())
+    assert torch.equal(found.wrist, still.wrist)
+
+
+def test_hands_are_lifted_out_of_the_table_but_in_their_hold(lidded):
+    low = opening(lidded)
+    low = replace(low, wrist=low.wrist - torch.tensor([0.0, 0.0, HIGH + 0.1]))
+    middle = torch.zeros(3)
+    hand = HeldHands.of(low, 1, middle)
+    table, hold = table_of(low, 1, middle), torch.arange(20, 40)
+    after = over_table(hand, table, hold)
+    assert torch.equal(after.wrist[hold], hand.wrist[hold])
+    away = torch.cat([torch.arange(10), torch.arange(50, FRAMES)])
+    assert (table.depth(*after.spheres).amax(1)[away] < 1e-3).all()
