@@ -16,7 +16,9 @@ import bodies
 import click
 import numpy as np
 import pytest
+import two_parts
 from click.testing import CliRunner
+from trimesh import Trimesh
 
 import geneoh
 
@@ -74,6 +76,8 @@ def short_track(tmp_path_factory):
         **{name: v[:FRAMES] if v.shape[:1] == (frames,) else v for name, v in noisy.items()},
     )
     shutil.copy(ROOT / "examples" / "taco_object.obj", folder / "mesh.obj")
+    for name, part in zip(("base.obj", "lid.obj"), two_parts.box_with_lid(), strict=True):
+        Trimesh(part.verts.numpy(), part.faces.numpy()).export(folder / name)
     for name in ("walk.npz", "lift.npz"):
         bodies.smplx_names(folder / name, bodies.swaying(FRAMES))
     bodies.held_cylinder(folder, bodies.swaying(FRAMES))

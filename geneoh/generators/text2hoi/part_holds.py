@@ -22,7 +22,7 @@ from geneoh.generators.text2hoi.held_hands import (
 )
 from geneoh.generators.text2hoi.opening import BEGIN, joint_frames, opener, outward, rigid_part
 from geneoh.generators.text2hoi.resting import touching_hands
-from geneoh.generators.text2hoi.settling import DEEP, kept_pose, settled_pose, shifts_out
+from geneoh.generators.text2hoi.settling import kept_pose, settled_pose, shifts_out
 from geneoh.geometry.mesh import Mesh, tidied
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rigid import Rigid
@@ -34,6 +34,7 @@ from geneoh.synthesis.solids import SCAN, SOLIDS, Solids
 
 GRIP = 4  # frames for which the hand holds the part before it moves and after it has moved
 RISE = 6  # frames over which a hand is lifted out of the table
+DEEPEST = 0.005  # metres that a hold may be in what it keeps out of, the soft table among it
 FEWEST = 2  # pads of a hold of the part below which another one is looked for
 STATES = SOLIDS - 1  # of the joint between its ends, in which a hold keeps out of the first part
 
@@ -130,17 +131,37 @@ def _with_hold(
     hold = torch.arange(max(0, int(moves[0]) - GRIP), min(last, int(moves[-1]) + GRIP) + 1)
     first = hold[: GRIP + 1 + len(moves) // BEGIN]
     if part or bool(touching_hands(seen)[0, number, first].any()):
-        start, out = table.take(first[:1], "B"), outward(actions)[0][0]
+        out = outward(actions)[0][0]
         out = out if SIDES[number] == "right" else mirror_points(out)
-        held, frame, _ = settled_pose(around, hand, first, None, start, around.take([0], "S"))
-        if part and float(_pads(around, held, out)) < FEWEST:
-            drawn = hand.take(frame[None], "N")
-            held = found_hold(around, drawn, out, start, generator) or held
+        held = _hold(around, hand.take(first, "N"), out, table.take(hold, "B"), part, generator)
         hand = over_table(kept_pose(ways, hand, held, hold, hold, table, None), table, hold)
     else:
         hand = replace(hand, wrist=hand.wrist + shifts_out(ways, hand, table))
     kept = hand.into(seen, number, middle)
     return replace(actions, pose=kept.pose, wrist=kept.wrist)
+
+
+def _hold(
+    around: Solids,
+    drawn: HeldHands,
+    out: Float[Tensor, " 3"],
+    tables: Table,
+    part: int,
+    generator: torch.Generator,
+) -> HeldHands:
+    """The pose in which a hand holds a part: the best of those drawn, settled, or a new one.
+
+    `tables` are those of the hold; the one counts in which the hand is lowest.
+    """
+    ends, frames = tables.take([0, -1], "B"), torch.arange(len(drawn.wrist))
+    middle = drawn.take(frames[len(frames) // 2].expand(2), "N")
+    lower = ends.depth(*middle.spheres).amax(1).argmax()
+    table = ends.take(lower[None], "B")
+    held, frame, _ = settled_pose(around, drawn, frames, None, table, around.take([0], "S"))
+    pads, depth = _pads(around, held, out), _depth(around, held, table)
+    if not part or (float(pads) >= FEWEST and float(depth) < DEEPEST):
+        return held
+    return found_hold(around, drawn.take(frame[None], "N"), out, table, generator) or held
 
 
 def found_hold(
@@ -170,12 +191,11 @@ def found_hold(
         )
         found = HeldHands(grasps.pose, grasps.wrist)
         touching = _pads(around, found, out)
-        centers, radii = found.spheres
-        depth = (radii - solids.signed_distance(centers)).amax(1)
-        away = (centers - drawn.spheres[0]).norm(dim=-1).mean(1)
+        depth = _depth(around, found, table)
+        away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
         if bool((good := grasps.kept & (touching >= FEWEST)).any()):
             return found.take(away.masked_fill(~good, torch.inf).argmin()[None], "N")
-        if bool((some := (touching > 0) & (depth < DEEP)).any()):
+        if bool((some := (touching > 0) & (depth < DEEPEST)).any()):
             last = found.take(away.masked_fill(~some, torch.inf).argmin()[None], "N")
     return last
 
@@ -185,6 +205,14 @@ def _pads(around: Solids, hands: HeldHands, out: Float[Tensor, " 3"]) -> Float[T
     pads = hands.pads
     gap = around.take([0], "S").signed_distance(pads.flatten(0, 1)[None]).view(pads.shape[:2])
     return ((gap.abs() < TOUCH) & (pads @ out > 0)).sum(1).float()
+
+
+def _depth(around: Solids, hands: HeldHands, table: Table) -> Float[Tensor, " N"]:
+    """How deep the deepest sphere of hands is in both parts and the table, metres."""
+    centers, radii = hands.spheres
+    copies = torch.zeros(len(centers), dtype=torch.long)
+    inside = radii - around.take(copies, "B").signed_distance(centers)
+    return inside.maximum(table.take(copies, "B").depth(centers, radii)).amax(1)
 
 
 def over_table(hand: HeldHands, table: Table, hold: Int[Tensor, " N"]) -> HeldHands:
