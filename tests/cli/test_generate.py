@@ -64,7 +64,7 @@ def test_an_object_of_two_parts_is_written_beside_the_first(generate, made):
     parts = ["--obj", "box.obj", "--obj", "lid.obj", "--joint", "hinge:0,0.03,0.05:-1,0,0"]
     generate("open the box with the left hand", *parts)
     with np.load("box_generated.npz") as arrays:
-        assert arrays["object_mesh_files"].tolist() == ["box.obj", "lid.obj"]
+        assert arrays["object_files"].tolist() == ["box.obj", "lid.obj"]
 
 
 def test_a_verb_that_was_never_learned_is_told_with_the_nearest(generate, made):
