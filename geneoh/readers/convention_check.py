@@ -16,7 +16,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
 from geneoh.readers.delay_check import check_delay
-from geneoh.readers.hand_checks import HANDEDNESS, check_anatomy, refuse_other_order
+from geneoh.readers.hand_checks import HANDEDNESS, MIRRORED, check_anatomy, refuse_other_order
 from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_place
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
@@ -69,7 +69,8 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     if exchanged:
         yield (
             f"{HANDEDNESS} the fingers of both hands curl away from their palms; unless they are "
-            "flat, the left hand is called right and the right one left: exchange the two names"
+            "flat, the left hand is called right and the right one left: exchange the two names; "
+            f"or they are {MIRRORED}"
         )
     for side, told in about.items():
         for words in told:

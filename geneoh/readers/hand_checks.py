@@ -34,6 +34,10 @@ NO_DEPTH = 1e-4
 """Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
 HANDEDNESS = "handedness:"
 """How the sentences on a hand of the other side begin."""
+MIRRORED = (
+    "in left-handed axes, as Unity and Unreal have: negate one coordinate of all points and meshes"
+)
+"""How such sentences end: from keypoints a mirrored scene is a hand of the other side."""
 CURL_LIMIT = 0.1
 """Share of the palm's length that fingers may bend backward at their tips."""
 
@@ -100,7 +104,8 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
         other = OTHER_SIDE[hand.side]
         yield (
             f"{HANDEDNESS} the fingers curl away from the palm; unless the hand is flat, these are "
-            f"points of the other hand: pass --side {other} or correct the side that is stated"
+            f"points of the other hand: pass --side {other} or correct the side that is stated; "
+            f"or they are {MIRRORED}"
         )
 
 

@@ -38,6 +38,17 @@ def test_poses_from_the_world_to_the_object_are_told(name):
     assert any("with the object's poses inverted" in words for words in said)
 
 
+def test_keypoints_in_the_axes_of_unity_are_told_of():
+    sequence = load(EXAMPLES / "taco_clean.npz")[:60]
+    hand = sequence.hands[0]
+    joints = hand.joints * torch.tensor([1.0, 1.0, -1.0])
+    keys = HandTrack(side=hand.side, valid=hand.valid, joints=joints)
+    alone = ObjectTrack.resting((), 60)
+    (said,) = doubts(replace(sequence, hands=(keys,), object=alone), "taco")
+    assert "left-handed axes, as Unity" in said
+    assert "negate one coordinate" in said
+
+
 def test_keypoints_without_confidence_raise_no_doubt():
     sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:60]
     hand = sequence.hands[0]
