@@ -8,6 +8,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.fitting.fit import fit_keypoints
+from geneoh.fitting.own_skeleton import own_skeleton
 from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -43,6 +44,14 @@ class Subject(Bundle):
         """Weight of each keypoint in a fit of the track: filled frames count, so that their hand is
         that of the interpolated keypoints instead of a relaxed one."""
         return torch.where(self.trust.amax(-1, keepdim=True) > 0, self.trust, 1.0)
+
+    def in_own_skeleton(self, given: HandState) -> tuple["Subject", HandState]:
+        """The subject with the skeleton of its keypoints where they came without a pose, and its
+        `parameters` with the wrist of that skeleton."""
+        if self.start is not None:
+            return self, given
+        own = own_skeleton(given, self.joints, self.trust, self.shaped)
+        return replace(self, offsets=own.offsets[None]), own.carried(given)
 
     def completed(self, given: HandState) -> "Subject":
         """The subject whose keypoints without confidence are those of `parameters`; frames that

@@ -61,16 +61,27 @@ def rest_offsets(
     over the frames in which any keypoint is.
     """
     seen = trust.amax(-1) > 0
-    zero = joints.new_zeros(20, 3)
-    _, glob = forward_kinematics(rotations[seen], joints[seen][:, 0], zero)
-    order = list(MANO_FROM_OPENPOSE)
-    mano, sure = joints[seen][:, order], trust[seen][:, order].to(joints)
+    at_rest = bones_at_rest(rotations[seen], joints[seen])
+    weight = trust_of_bones(trust[seen].to(joints))[..., None]
+    weight = torch.where(weight.sum(0) > 0, weight, 1.0)
+    return (weight * at_rest).sum(0) / weight.sum(0)
+
+
+def bones_at_rest(
+    rotations: Float[Tensor, "T 16 3 3"], joints: Float[Tensor, "T 21 3"]
+) -> Float[Tensor, "T 20 3"]:
+    """The bones of each frame, taken back to the rest frame; ordered as rest offsets."""
+    _, glob = forward_kinematics(rotations, joints[:, 0], joints.new_zeros(20, 3))
+    mano = joints[:, list(MANO_FROM_OPENPOSE)]
     parents = [*PARENTS[1:], *TIP_PARENTS]
     bones = mano[:, 1:] - mano[:, parents]
-    weight = (sure[:, 1:] * sure[:, parents])[..., None]
-    weight = torch.where(weight.sum(0) > 0, weight, 1.0)
-    at_rest = (glob[:, parents].transpose(-1, -2) @ bones[..., None])[..., 0]
-    return (weight * at_rest).sum(0) / weight.sum(0)
+    return (glob[:, parents].transpose(-1, -2) @ bones[..., None])[..., 0]
+
+
+def trust_of_bones(trust: Float[Tensor, "T 21"]) -> Float[Tensor, "T 20"]:
+    """The product of the trust in the keypoints at both ends; ordered as rest offsets."""
+    mano = trust[:, list(MANO_FROM_OPENPOSE)]
+    return mano[:, 1:] * mano[:, [*PARENTS[1:], *TIP_PARENTS]]
 
 
 def bone_lengths(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:

@@ -235,7 +235,9 @@ def _fitted(
     subject = untwisted(subject_of(hand.track, model, carrier))
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
     given = subject.parameters()
-    subject = subject.completed(given)
+    # the paper's stages know no skeleton
+    subject, seen = subject.in_own_skeleton(given) if chosen.observed else (subject, given)
+    subject = subject.completed(seen)
     near = torch.full_like(relied[:, 0], float(against is not None))
     poses = relied.amin(1)
     if against is not None and chosen.clean_object:
@@ -243,7 +245,7 @@ def _fitted(
         near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
     seconds: dict[str, float] = {}
     progress_of = timed(on_progress, seconds)
-    stages = StageRun(denoisers, subject, given, progress_of, generator)
+    stages = StageRun(denoisers, subject, seen, progress_of, generator)
     ray = hand.track.camera_ray
     samples, near = stages.relied_on(
         surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise

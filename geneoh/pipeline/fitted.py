@@ -9,6 +9,7 @@ from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.fitting.fit import FitConfig, fit_hand
+from geneoh.fitting.own_skeleton import own_skeleton
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.changing_surface import ChangingSurface
@@ -54,6 +55,19 @@ class FittedHand:
         """Share of each frame that is cleaned against the object."""
         return self.near * self.poses
 
+    def joints(self) -> Float[Tensor, "T 21 3"]:
+        """Keypoints of the result, metres, in the frame of the hand: the model's, and where the
+        input is keypoints alone those that it has on the hand, but not for the paper's fit."""
+        state, shaped, fit = self.state, self.shaped, self.preset.fit
+        if self.subject.start is not None or not isinstance(fit, FitConfig):
+            return shaped.joints_from_rotations(state.rotations, state.wrist)[0]
+        free = state
+        trust = torch.ones_like(self.target[..., 0])
+        if self.surface is not None and self.preset.contact:  # contact is no part of the skeleton
+            config = replace(fit, contact_rounds=0)
+            free = fit_hand(self.target, trust, shaped, state, config=config)
+        return own_skeleton(free, self.target[0], trust[0], shaped).posed(state)[0]
+
     def skin(self, frames: slice, *, given: bool = False) -> ChangingSurface:
         """The skin of the result in some frames of the world, in which the hand may be a left one;
         or of the input where that was `given`."""
@@ -89,7 +103,7 @@ class FittedHand:
     def result(self) -> HandResult:
         """The hand's track and what is measured of it."""
         fps, state, shaped, subject = self.hand.fps, self.state, self.shaped, self.subject
-        joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
+        joints = self.joints()
         several = len(self.samples) > 1
         spread = joint_spread(self.samples, alone=1 - self.evidence) if several else None
         observed = self.hand.track.observed  # the report compares the same frames before and after
