@@ -139,6 +139,8 @@ class Comparison:
 
 def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:
     """How a part moves beside a palm; None where too little of either moves to tell."""
+    if len(motion.rotation) < LEAST_BLOCKS * round(BLOCK * fps):
+        return None
     of_part = solved(np.array(list(products(motion, part, palm, fps))), fps)
     of_palm = solved(np.array(list(products(motion, part, palm, fps, of_palm=True))), fps)
     return None if of_part is None or of_palm is None else Comparison(of_part, of_palm)

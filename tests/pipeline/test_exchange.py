@@ -84,7 +84,7 @@ def test_hands_of_the_wrong_sides_in_all_frames_are_not_exchanged(pair):
     given = exchanged(pair, torch.ones(146, dtype=torch.bool))
     assert without_exchange(given) == (given, ())
     (said,) = doubts(given, "both")
-    assert said.endswith("exchange the two names")  # --side would read the other one, as wrong
+    assert "exchange the two names" in said  # --side would read the other one, as wrong
 
 
 def test_one_hand_under_two_names_is_told(pair):
