@@ -14,7 +14,7 @@ from . import options
 from .options import FILE, FILE_OR_FOLDER, FOLDER, Decorator, flag, option
 
 if TYPE_CHECKING:
-    from geneoh.readers.convert import Outcome
+    from geneoh.readers.convert import ConversionOutcome
     from geneoh.sequence.sequence import Sequence
 
 reader_options = options.together(
@@ -89,7 +89,7 @@ def table() -> str:
     return "\b\nSOURCE is one of:\n" + "\n".join(f"  {row}" for row in rows)
 
 
-def lines(outcome: "Outcome") -> Iterator[str]:
+def lines(outcome: "ConversionOutcome") -> Iterator[str]:
     """What became of one clip; nothing for a clip that was converted before."""
     name = outcome.clip.name
     if outcome.problem is not None:
@@ -101,7 +101,7 @@ def lines(outcome: "Outcome") -> Iterator[str]:
         yield f"{name}: {', '.join(outcome.notes)}"
 
 
-def summary(outcomes: "list[Outcome]", folder: Path | None) -> str:
+def summary(outcomes: "list[ConversionOutcome]", folder: Path | None) -> str:
     """How many clips were read, and how many sequences were written."""
     skipped = sum(outcome.skipped for outcome in outcomes)
     failed = sum(outcome.failed for outcome in outcomes)

@@ -6,7 +6,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from geneoh.batch.cleaning import Outcome
+from geneoh.batch.cleaning import CleaningOutcome
 from geneoh.errors import numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
@@ -18,14 +18,14 @@ PLAIN = ("clip", "file", "side", "frames", "filled", "moved_mm")
 MEASURES = tuple(name for name, _, _ in LINES)
 
 
-def write_summary(outcomes: Iterable[Outcome], folder: Path) -> None:
+def write_summary(outcomes: Iterable[CleaningOutcome], folder: Path) -> None:
     """Write summary.csv and summary.html, with one row for each hand of each result."""
     rows = sorted((row for outcome in outcomes for row in rows_of(outcome)), key=rank)
     write_whole(folder / SUMMARY_FILES[0], as_csv(rows))
     write_whole(folder / SUMMARY_FILES[1], as_page(rows))
 
 
-def rows_of(outcome: Outcome) -> list[dict[str, Any]]:
+def rows_of(outcome: CleaningOutcome) -> list[dict[str, Any]]:
     """A row for each hand, or the one of a clip that failed."""
     if outcome.failed:
         return [{"clip": outcome.clip, "failed": outcome.failed}]

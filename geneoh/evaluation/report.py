@@ -10,7 +10,14 @@ from typing import Any
 from geneoh.evaluation import plots
 from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
-from geneoh.evaluation.tables import FEWEST, LEVEL, Block, as_markdown, blocks_of, seed_agreement
+from geneoh.evaluation.tables import (
+    FEWEST,
+    LEVEL,
+    TableBlock,
+    as_markdown,
+    blocks_of,
+    seed_agreement,
+)
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
 from geneoh.files.journal import SCORED
@@ -49,7 +56,7 @@ class Evaluation:
     the same report, so it is not in the files."""
 
     @property
-    def blocks(self) -> list[Block]:
+    def blocks(self) -> list[TableBlock]:
         """The tables, one for each noise."""
         return blocks_of(self.scores, self.methods)
 
@@ -185,7 +192,7 @@ def as_page(evaluation: Evaluation) -> str:
     return PAGE.read_text("utf-8").replace("<!-- body -->", "\n".join(parts))
 
 
-def as_html_table(block: Block) -> str:
+def as_html_table(block: TableBlock) -> str:
     """One noise as an HTML table; the best of a column is bold."""
     heads = "".join(f"<th>{m.title}<br>{m.unit}</th>" for m in block.measures)
     lines = [f"<tr><th></th>{heads}</tr>"]
@@ -195,7 +202,7 @@ def as_html_table(block: Block) -> str:
     return f"<table>{''.join(lines)}</table>"
 
 
-def plots_of(evaluation: Evaluation, blocks: list[Block]) -> Iterator[str]:
+def plots_of(evaluation: Evaluation, blocks: list[TableBlock]) -> Iterator[str]:
     """Bars over all noises; then errors by frame, by joint and against the input's, by noise."""
     there = {key for block in blocks for cells in block.cells.values() for key in cells}
     lines = evaluation.bar_lines and f", with {evaluation.bar_lines}"

@@ -56,7 +56,7 @@ SETTLED = WINDOW  # observed frames after which the shape of the hand is kept
 
 
 @dataclass
-class Place:
+class ChangingShift:
     """The shift of SpatialDiff, of each sample: it changes slowly from one answer to the next."""
 
     before: Float[Tensor, "S 1 3"]
@@ -80,7 +80,7 @@ class Place:
 class RecentRun(StageRun):
     """The stages of one window, which ask SpatialDiff now and then only."""
 
-    place: Place
+    place: ChangingShift
     first: int  # frame that the window begins with
     done: int  # frame that is to be made next
 
@@ -121,7 +121,7 @@ class RecentHand:
         self._track: HandTrack | None = None
         self._motion: ObjectTrack | None = None
         still = model.template.new_zeros(chosen.samples, 1, 3)
-        self._place = Place(still, still)
+        self._place = ChangingShift(still, still)
         self._ready: deque[HandTrack | None] = deque()
         self._pushed = self._done = self._observed = 0
         self._shape: Subject | None = None

@@ -31,7 +31,7 @@ from geneoh.sequence.validation import check_sequence
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ConversionOutcome:
     """What became of one clip."""
 
     clip: SourceClip
@@ -60,7 +60,7 @@ def convert(
     *,
     check: bool = False,
     overwrite: bool = False,
-) -> Iterator[Outcome]:
+) -> Iterator[ConversionOutcome]:
     """Convert clips to files in a folder, or to none, and report on each.
 
     A file that cannot be read is the problem of its clip. An error in geneoh's own code ends the
@@ -75,14 +75,14 @@ def convert(
             asked = described(source, clip, options)
             record = known.get(clip.name, {})
             if folder and not check and is_done(record, asked, folder):
-                yield Outcome(clip, tuple(record["files"]), skipped=True)
+                yield ConversionOutcome(clip, tuple(record["files"]), skipped=True)
                 continue
             try:
                 yield convert_clip(
                     source, clip, folder, options, asked, check=check, overwrite=overwrite
                 )
             except GeneOHError as error:
-                yield Outcome(clip, problem=str(error))
+                yield ConversionOutcome(clip, problem=str(error))
 
 
 def described(source: Source, clip: SourceClip, options: ReaderOptions) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def convert_clip(
     *,
     check: bool,
     overwrite: bool,
-) -> Outcome:
+) -> ConversionOutcome:
     """One clip, all of its recordings or none; `asked` is its description in the journal."""
     inputs = {} if folder is None else {str(clip.path): fingerprint(clip.path)}
     recordings = read_clip(source, clip, options)
@@ -126,14 +126,14 @@ def convert_clip(
             check_sequence(recording.sequence, recording.name)
     notes = tuple(dict.fromkeys(note for recording in recordings for note in notes_on(recording)))
     if folder is None or found:
-        return Outcome(clip, contradictions=tuple(found), notes=notes)
+        return ConversionOutcome(clip, contradictions=tuple(found), notes=notes)
     check_places(recordings, folder, clip, overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
     inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
     made = {file: fingerprint(folder / file) for file in files}
     record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
     append_journal(folder / CONVERTED, [record])
-    return Outcome(clip, files, notes=notes)
+    return ConversionOutcome(clip, files, notes=notes)
 
 
 def notes_on(recording: Recording) -> Iterator[str]:

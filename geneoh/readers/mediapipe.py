@@ -43,14 +43,14 @@ NOTES = (
 
 
 @dataclass(frozen=True)
-class Track:
+class LandmarkTrack:
     """One hand of a file: (T, 21, 3) points with NaN where it was not seen, and (T,) trust."""
 
     points: Array
     trust: Array
 
 
-Tracks = dict[Side | None, Track]
+Tracks = dict[Side | None, LandmarkTrack]
 """The hands of a file by the side that it says; None where it says none."""
 
 
@@ -205,9 +205,9 @@ def field_of(record: Record, names: Iterable[str]) -> list[Any]:
     return [] if name is None else record.items(name)
 
 
-def empty_track(frames: int) -> Track:
+def empty_track(frames: int) -> LandmarkTrack:
     """A hand that was not seen."""
-    return Track(np.full((frames, 21, 3), np.nan), np.zeros(frames))
+    return LandmarkTrack(np.full((frames, 21, 3), np.nan), np.zeros(frames))
 
 
 def points_in(value: Any, where: str) -> Array:

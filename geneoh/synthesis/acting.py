@@ -62,7 +62,7 @@ class ActingConfig:
 
 
 @dataclass(frozen=True)
-class Timing(Bundle):
+class ActionTiming(Bundle):
     """Times of N actions, in frames from their start; columns are of the first and second hand."""
 
     close: Float[Tensor, "N 2"]  # the hand has closed
@@ -177,7 +177,7 @@ def draw_timing(
     radius: Float[Tensor, " N"],
     config: ActingConfig,
     draws: Draws,
-) -> tuple[Moves, Timing]:
+) -> tuple[Moves, ActionTiming]:
     """The moves of the objects and the times of the hands; long actions are made quicker."""
     moves = moves_of(verb, radius, config.verbs, draws)
     close = draws.uniform(config.reach, 1) + config.offset * draws.share(2)
@@ -196,7 +196,7 @@ def _timing(
     close: Float[Tensor, "N 2"],
     held: Float[Tensor, " N"],
     config: ActingConfig,
-) -> Timing:
+) -> ActionTiming:
     """When hands close and open around the moves."""
     passed, lifted = (verb == VERBS.index(name) for name in ("pass", "lift"))
     last = torch.where(paired & ~passed, close.amax(1), close[:, 0])
@@ -210,7 +210,7 @@ def _timing(
     release = torch.stack([let_go, end + config.grip], 1)
     release = torch.where(lifted[:, None], LASTING, release)
     length = torch.where(lifted, end + held, end + config.grip + config.leave)
-    return Timing(close, release, start, length)
+    return ActionTiming(close, release, start, length)
 
 
 def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
@@ -228,7 +228,7 @@ def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
 def hand_paths(
     grasps: Grasps,
     setup: ActionSetup,
-    timing: Timing,
+    timing: ActionTiming,
     moving: MovingSolids,
     second_part: Bool[Tensor, " N"],
     config: ActingConfig,

@@ -29,7 +29,7 @@ from geneoh.workers.pool import in_processes
 
 
 @runtime_checkable
-class Source(Protocol):
+class ShardSource(Protocol):
     """What shards are made of beside their config, such as scanned objects."""
 
     @property
@@ -63,7 +63,7 @@ def write_shards(
     config: ShardConfig,
     *,
     seed: int,
-    scans: Source | None = None,
+    scans: ShardSource | None = None,
     jobs: int = 1,
     on_shard: OnStep | None = None,
     synthesize: Callable[..., Any] = synthesize_shard,
@@ -100,7 +100,7 @@ def write_shards(
 def make_shard(
     place: tuple[int, Path],
     record: ShardRecord,
-    scans: Source | None,
+    scans: ShardSource | None,
     synthesize: Callable[..., Any],
 ) -> None:
     """Make the shard of a number and write it to its path."""

@@ -207,7 +207,7 @@ def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str])
     records: list[ClipRecord] = []
     left_out: Counter[str] = Counter()
     for shard in shards:
-        record = recordings.shard_record(shard)
+        record = recordings.recorded_shard(shard)
         assert record is not None, "it was made or checked just now"
         left_out.update(record.left_out)
         if record.clips:

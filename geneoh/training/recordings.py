@@ -66,7 +66,7 @@ class ClipRecord:
 
 
 @dataclass(frozen=True)
-class ShardRecord:
+class RecordedShard:
     """What a shard of recordings holds and was made from."""
 
     config: ClipConfig
@@ -164,7 +164,7 @@ def write_shard(
             cuts += cut_hand(recording, hand, config, left_out)
     meshes = mesh_files(recording.sequence for recording in recordings)
     files = records_of([*files_of(clip, options), *by_path(meshes)])
-    record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
+    record = RecordedShard(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
     write_tensors(shard, tensors, asdict(record), parents=True)
@@ -263,17 +263,17 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderO
 
     Contents are compared of files that are newer than the shard; others only in size.
     """
-    if (record := shard_record(shard)) is None or record.config != config:
+    if (record := recorded_shard(shard)) is None or record.config != config:
         return False
     return are_as_recorded(files_of(clip, options), record.files, shard)
 
 
-def shard_record(shard: Path) -> ShardRecord | None:
+def recorded_shard(shard: Path) -> RecordedShard | None:
     """The record of a shard; None where it is not there, broken, or of another version."""
     try:
         with opened_tensors(shard) as (_, found):
             clips = tuple(ClipRecord(**clip) for clip in found["clips"])
             files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
-            return ShardRecord(ClipConfig(**found["config"]), files, clips, found["left_out"])
+            return RecordedShard(ClipConfig(**found["config"]), files, clips, found["left_out"])
     except (OSError, DamagedTensorsError):
         return None

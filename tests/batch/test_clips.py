@@ -6,7 +6,7 @@ import fake_cleaning
 import pytest
 from bad_inputs import good_arrays
 
-from geneoh.batch.cleaning import Batch, clean_clip
+from geneoh.batch.cleaning import BatchOptions, clean_clip
 from geneoh.batch.clips import find_clips
 from geneoh.errors import ConfigError, InputError
 
@@ -175,7 +175,7 @@ def test_a_file_of_a_manifest_that_is_missing_fails_as_a_clip(found, tmp_path):
     rows = ("input", "in/clip0.npz", "in/gone.npz")
     there, gone = found(manifest(tmp_path, *rows)).values()
     assert there.problem == ""
-    outcome = clean_clip(gone, Batch(tmp_path / "out"))
+    outcome = clean_clip(gone, BatchOptions(tmp_path / "out"))
     assert outcome.clip == "gone"
     assert outcome.failed == f"{tmp_path / 'in/gone.npz'}: no such file or folder; check the path"
 
@@ -192,7 +192,7 @@ def test_the_clips_of_a_source_are_found_and_read(found, tmp_path, monkeypatch):
         assert list(clips) == ["a", "b"]
         assert {clip.source for clip in clips.values()} == {"landmarks"}
     monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
-    outcome = clean_clip(clips["b"], Batch(tmp_path / "out"))
+    outcome = clean_clip(clips["b"], BatchOptions(tmp_path / "out"))
     assert outcome.failed == ""
     assert list(outcome.files) == ["b.npz"]
     assert (tmp_path / "out" / "b.npz").is_file()

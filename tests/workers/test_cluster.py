@@ -16,7 +16,7 @@ import fake_cleaning
 import pytest
 
 from geneoh.batch import run
-from geneoh.batch.cleaning import Batch
+from geneoh.batch.cleaning import BatchOptions
 from geneoh.batch.clips import find_clips
 from geneoh.errors import ConfigError, GeneOHError
 from geneoh.files.journal import CLEANED
@@ -148,7 +148,7 @@ class TestCluster:
         monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
         began, found = time.monotonic(), {}
         for name, address in (("here", None), ("there", cluster.address)):
-            batch = Batch(tmp_path / name)
+            batch = BatchOptions(tmp_path / name)
             clips = find_clips([tmp_path / "in"], None, batch.folder)
             assert run.clean_batch(clips, batch, ray=address).failed == []
             found[name] = {p.name: p.read_bytes() for p in batch.folder.iterdir()}

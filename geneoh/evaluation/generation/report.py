@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from geneoh.evaluation.generation.scores import MEASURES, Measure, RowScores
+from geneoh.evaluation.generation.scores import MEASURES, Column, RowScores
 from geneoh.evaluation.report import made_with
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
@@ -27,7 +27,7 @@ class GenerationReport:
     command: str
     rows: dict[str, RowScores]
     about: tuple[str, ...]  # what a reader of the table must know
-    measures: tuple[Measure, ...] = MEASURES
+    measures: tuple[Column, ...] = MEASURES
 
     def remarks(self) -> Iterator[str]:
         """What a reader of the table must know, and what each column means."""
@@ -118,7 +118,7 @@ def table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
         yield name, [shown(cells[measure.key], measure) for measure in report.measures]
 
 
-def shown(cell: Interval, measure: Measure) -> str:
+def shown(cell: Interval, measure: Column) -> str:
     """Mean and half interval with the measure's digits; n/a for NaN."""
     if cell.mean != cell.mean:
         return "n/a"

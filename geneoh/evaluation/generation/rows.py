@@ -11,7 +11,7 @@ from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import SIDES, Side
 from geneoh.errors import GeneOHError
 from geneoh.generators.text2hoi.generate import sequence_of
-from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import asked_giver
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
@@ -87,7 +87,7 @@ class Drawn(Bundle):
 
 
 def draw_clips(
-    networks: Networks,
+    networks: Text2HoiNetworks,
     data: ActionData,
     *,
     generator: torch.Generator,

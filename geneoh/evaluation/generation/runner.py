@@ -37,7 +37,12 @@ from geneoh.evaluation.generation.scores import (
 )
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.generators.text2hoi.action_data import action_data
-from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
+from geneoh.generators.text2hoi.library import (
+    Text2HoiNetworks,
+    load_networks,
+    load_refiner,
+    weights_of,
+)
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.resting import finished
 from geneoh.generators.text2hoi.samples import ActionData
@@ -161,7 +166,7 @@ def scores_under(
 
 
 def network_rows(
-    networks: Networks, real: ActionData, options: GenerationOptions, jobs: int
+    networks: Text2HoiNetworks, real: ActionData, options: GenerationOptions, jobs: int
 ) -> dict[str, Row]:
     """What the networks make, with and without their parts; all draw the same noise."""
     made: dict[bool, Drawn] = {}

@@ -11,8 +11,8 @@ from geneoh.body.skeleton import BODY_JOINTS
 from geneoh.bundle import concatenated
 from geneoh.evaluation.gestures.encoder import Seen
 from geneoh.generators.both2hands.features import with_other_fingers
-from geneoh.generators.both2hands.library import Networks
-from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
+from geneoh.generators.both2hands.library import Both2HandsNetworks
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, Branch, sample
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.gestures.clips import Gestures
@@ -52,7 +52,7 @@ def hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> Body
 
 
 def made_by_networks(
-    networks: Networks,
+    networks: Both2HandsNetworks,
     real: Gestures,
     sentences: Sequence[str],
     branch: Branch,
@@ -62,7 +62,7 @@ def made_by_networks(
     on_step: OnStep | None = None,
 ) -> BodyMotion:
     """What the networks make of the real bodies and a sentence each."""
-    config = SamplingConfig(steps=sampling_steps, branch=branch)
+    config = Both2HandsSampling(steps=sampling_steps, branch=branch)
     parts = []
     for start in steps(range(0, len(sentences), AT_ONCE), on_step):
         some = real.take(slice(start, start + AT_ONCE), "B")

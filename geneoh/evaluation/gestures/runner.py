@@ -26,7 +26,7 @@ from geneoh.evaluation.gestures.encoder import (
 from geneoh.evaluation.gestures.rows import made_by_networks, mean_pose, nearest_body, shuffled
 from geneoh.evaluation.gestures.scores import MEASURES, SCORES, ScoredHands, range_of, score_hands
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
-from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
+from geneoh.generators.both2hands.library import Both2HandsNetworks, load_networks, weights_of
 from geneoh.generators.both2hands.limits import FingerRange
 from geneoh.generators.both2hands.sampling import Branch
 from geneoh.progress import OnProgress, OnStep
@@ -127,7 +127,7 @@ def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder
 
 
 def network_row(
-    networks: Networks,
+    networks: Both2HandsNetworks,
     asked: Conditions,
     branch: Branch,
     options: GestureOptions,

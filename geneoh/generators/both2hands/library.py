@@ -40,7 +40,7 @@ class Branches:
 
 
 @dataclass(frozen=True)
-class Networks(Branches):
+class Both2HandsNetworks(Branches):
     """All that makes hands of a body and a sentence."""
 
     blend: Blender
@@ -51,7 +51,7 @@ def load_networks(
     *,
     text_encoder: Path | None = None,
     device: torch.device | str = "cpu",
-) -> Networks:
+) -> Both2HandsNetworks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of the CLIP or sentence-transformers model that networks were
@@ -76,7 +76,7 @@ def load_networks(
             "those"
         )
     body, text = branches.body.to(device), branches.text.to(device)
-    return Networks(body, text, branches.speech, blend.to(device))
+    return Both2HandsNetworks(body, text, branches.speech, blend.to(device))
 
 
 def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:

@@ -20,7 +20,7 @@ from geneoh.bundle import concatenated
 from geneoh.choices import BodySource
 from geneoh.errors import GeneOHError, InputError
 from geneoh.generators.both2hands.features import placed
-from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.pieces import words_of
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.progress import OnStep, steps
@@ -129,7 +129,7 @@ def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:
     """The windows of a recording at 30 frames a second, each with what is said of all of it and of
     its first, middle and last frame."""
     motion, count = grounded(paced.skeleton, paced.motion), min(paced.frames, FRAMES)
-    for start in Windows.of(max(paced.frames, FRAMES)).starts:
+    for start in ClipWindows.of(max(paced.frames, FRAMES)).starts:
         at = [round((start + share * (count - 1)) * each.body.fps / FPS) for share in (0, 0.5, 1)]
         shown = (each.by_frame.get(frame, "") for frame in at)
         said = dict.fromkeys((*each.body.sentences, *shown))

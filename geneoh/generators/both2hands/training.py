@@ -44,7 +44,7 @@ class Features(Bundle):
 
 
 @dataclass(frozen=True)
-class Samples(Bundle):
+class GestureSamples(Bundle):
     """A batch of clips with what is said of each."""
 
     features: Features
@@ -102,13 +102,13 @@ class HandsTask(SamplesTask):
         return "wrist" if self.name == "text_hands" else body.frame
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """Samples of which each piece is drawn for itself."""
+        """GestureSamples of which each piece is drawn for itself."""
         for part in own.divided(pieces):
             yield *self.samples(training, part, *parts), part
 
     def samples(
         self, training: bool, part: Part, *parts: object
-    ) -> tuple[Samples, torch.Generator]:
+    ) -> tuple[GestureSamples, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, self.name, *parts)
@@ -120,10 +120,10 @@ class HandsTask(SamplesTask):
         if self.name == "blend":
             scene = scene_of(data.take(pick, "B"), self.frame)
             features = Features.of(scene, self.frame)
-            return Samples(features, real, said, data.gesture[pick], scene), generator
+            return GestureSamples(features, real, said, data.gesture[pick], scene), generator
         kept = self.kept if training else self.kept_validation
         features = kept.take(pick, "B").map(Tensor.float)
-        return Samples(features, real, said, data.gesture[pick]), generator
+        return GestureSamples(features, real, said, data.gesture[pick]), generator
 
     def learned_from(self) -> dict[str, Any]:
         """Fingerprints of the clips and of the networks that are blended, and the vocabulary."""
@@ -140,7 +140,7 @@ class HandsTask(SamplesTask):
 
 def task_loss(
     model: HandsDenoiser | Blender,
-    samples: Samples,
+    samples: GestureSamples,
     config: Both2HandsConfig,
     draws: Draws,
     branches: Branches | None,
@@ -158,7 +158,7 @@ def task_loss(
 
 
 def denoised(
-    network: HandsDenoiser, samples: Samples, draws: Draws
+    network: HandsDenoiser, samples: GestureSamples, draws: Draws
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The answer of a network at random levels of noise, and the clean numbers."""
     clean = network.scale.normalise(samples.features.hands)
@@ -172,7 +172,11 @@ def denoised(
 
 
 def blended(
-    blender: Blender, branches: Branches, samples: Samples, config: Both2HandsConfig, draws: Draws
+    blender: Blender,
+    branches: Branches,
+    samples: GestureSamples,
+    config: Both2HandsConfig,
+    draws: Draws,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """Blended answers to a clip and its own sentence at random levels of noise, and their target.
 
@@ -215,7 +219,7 @@ def hands_loss(
     return loss
 
 
-def naming_loss(network: TextHands, samples: Samples) -> Float[Tensor, ""]:
+def naming_loss(network: TextHands, samples: GestureSamples) -> Float[Tensor, ""]:
     """Cross-entropy of what each hand does, by the sentence alone."""
     scores = network.gestures(network.encode(samples.said)).flatten(0, 1)
     known = samples.gesture.flatten() >= 0

@@ -13,13 +13,13 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
-from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
+from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased_time, finished
-from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
+from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
 from geneoh.geometry.mesh import Mesh, mesh_of
@@ -128,7 +128,7 @@ def generate(
         [prompt.told],
         [prompt.hands],
         torch.tensor([frames]),
-        SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
+        Text2HoiSampling(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=seeded_generator(options.seed, "motion"),
         giver=[prompt.giver],
         on_step=on_progress and partial(on_progress, "motion"),
@@ -158,7 +158,7 @@ def generate(
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
 
 
-def length_of(networks: Networks, prompt: Prompt, options: GenerateOptions) -> int:
+def length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:
     """A random number of frames that suits the sentence."""
     text = networks.text.encode([prompt.told])
     return int(networks.length.sample(text, generator=seeded_generator(options.seed, "length")))

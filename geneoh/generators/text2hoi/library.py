@@ -31,7 +31,7 @@ length: machines and precisions round by a hundredth at most, and trainings have
 
 
 @dataclass(frozen=True)
-class Networks:
+class Text2HoiNetworks:
     """All that makes an interaction of a sentence and an object."""
 
     text: TextEncoder
@@ -45,7 +45,7 @@ def load_networks(
     *,
     text_encoder: Path | None = None,
     device: torch.device | str = "cpu",
-) -> Networks:
+) -> Text2HoiNetworks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of another text encoder, with which the networks were trained.
@@ -56,7 +56,7 @@ def load_networks(
     """
     refuse_none_of(GENERATOR_STAGES, folder)
     text = encoder_of(folder, text_encoder)
-    return Networks(
+    return Text2HoiNetworks(
         text,
         told_network("contact", folder, text, ContactNetwork, ContactConfig).to(device),
         told_network("interaction", folder, text, InteractionNetwork, InteractionConfig).to(device),

@@ -13,9 +13,9 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rota
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import (
+    GestureTiming,
     HandMotion,
     HandSettings,
-    Timing,
     Variation,
     draw_timing,
     perform,
@@ -130,7 +130,7 @@ def hand_motions(
     rest = _rest_name(roles, seated, draws)
     shared = Variation.drawn(draws, settings, 0.5)
     still = torch.zeros(frames)
-    timing = Timing(still, still)
+    timing = GestureTiming(still, still)
     hands: list[tuple[HandMotion, Tensor, Tensor, Tensor]] = []
     for index, role in enumerate((roles.left, roles.right)):
         at_rest = resting(RESTS[rest[index]], frames, swing[:, index], settings, draws)

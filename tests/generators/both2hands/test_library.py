@@ -8,7 +8,7 @@ from made_gestures import TINY, made_gestures, tiny_task
 from geneoh.config import as_dict
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.both2hands.library import load_branches, load_networks, reader_of
-from geneoh.generators.both2hands.sampling import SamplingConfig, sample
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, sample
 from geneoh.generators.both2hands.stages import vocabulary
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.training.loop import train
@@ -44,7 +44,7 @@ def test_trained_networks_make_hands_of_sentences(folder):
 
     def made(sentence):
         generator = torch.Generator().manual_seed(0)
-        config = SamplingConfig(steps=2)
+        config = Both2HandsSampling(steps=2)
         return sample(networks, motion, SKELETON, [sentence] * 2, config, generator=generator)
 
     one, other = (made(f"the left hand {word}").rotations for word in ("rests", "waves"))

@@ -12,7 +12,7 @@ from geneoh.body.skeleton import BODY_JOINTS, embedded_skeleton
 from geneoh.generators.both2hands.library import SHIPPED, load_networks
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body, save_on_body
-from geneoh.generators.both2hands.sampling import SamplingConfig, generate_hands, sample
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.readers.bodies.base import BodyRecording, resting
@@ -34,7 +34,7 @@ def gestures():
 @cache
 def fingers(sentence: str, seed: int = 0, smoothing: float = 1.5):
     """The rotations of the fingers that the networks make in four steps, (B, T, 30, 3, 3)."""
-    clips, config = gestures(), SamplingConfig(steps=4, smoothing=smoothing)
+    clips, config = gestures(), Both2HandsSampling(steps=4, smoothing=smoothing)
     said, generator = [sentence] * len(BODIES), torch.Generator().manual_seed(seed)
     made = sample(load_networks(), clips.motion, clips.skeleton, said, config, generator=generator)
     return made.rotations[:, :, BODY_JOINTS:]

@@ -16,7 +16,7 @@ from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.geometry.mesh import from_trimesh
 from geneoh.pipeline.results import Denoised
@@ -31,7 +31,7 @@ def small_networks(monkeypatch):
     contact, interaction = ContactNetwork(TINY.contact), InteractionNetwork(TINY.interaction)
     encoder = WordEncoder()
     length = LengthNetwork(LengthConfig(text=encoder.width))
-    made = Networks(encoder, contact.eval(), interaction.eval(), length.eval())
+    made = Text2HoiNetworks(encoder, contact.eval(), interaction.eval(), length.eval())
     monkeypatch.setattr(module, "load_networks", lambda *folder, **more: made)
 
 
