@@ -60,7 +60,7 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
             asked = {**batch.reading, **clip.reading}.values()
             read = [each for each in asked if isinstance(each, Path) and each.is_file()]
             inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
-            made = list(cleaned(clip, batch))
+            made = list(_cleaned(clip, batch))
         except CheckpointError:
             raise
         except GeneOHError as error:
@@ -74,7 +74,7 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
         meshes = [mesh.source for mesh in result.sequence.object.meshes if mesh.source is not None]
         inputs |= {str(mesh): fingerprint(mesh) for mesh in meshes if mesh.is_file()}
     files = {name: written(result, batch.folder / name) for name, result in made}
-    hands = [row for name, result in made for row in rows_of(name, result)]
+    hands = [row for name, result in made for row in _rows_of(name, result)]
     return CleaningOutcome(clip.name, "", inputs, files, hands)
 
 
@@ -90,7 +90,7 @@ def told_in_results() -> Iterator[None]:
         log.setLevel(before)
 
 
-def cleaned(clip: BatchClip, batch: BatchOptions) -> Iterator[tuple[str, Denoised]]:
+def _cleaned(clip: BatchClip, batch: BatchOptions) -> Iterator[tuple[str, Denoised]]:
     """Each clean recording of a clip with the name of its file."""
     options = with_settings(batch.options, clip.settings)
     for name, sequence in sequences_of(clip, batch.reading, options.mano_dir):
@@ -124,7 +124,7 @@ def written(result: Denoised, place: Path) -> str:
     return fingerprint(place)
 
 
-def rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
+def _rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
     """A summary of each hand of a result, as JSON can hold it."""
     for side, hand in result.hands.items():
         yield {

@@ -62,7 +62,7 @@ class BatchClip:
         return plain
 
 
-def find_clips(
+def find_batch_clips(
     inputs: Iterable[Path], source: str | None, folder: Path, meshes: tuple[Path, ...] = ()
 ) -> list[BatchClip]:
     """Every clip of the inputs.
@@ -84,20 +84,20 @@ def find_clips(
         if source is None and is_manifest(path):
             found += clips_of_manifest(path, folder)
         else:
-            found += clips_of(path, source, folder)
+            found += _clips_of(path, source, folder)
     if not found:
         raise InputError(f"{', '.join(map(str, inputs))}: lists no clip; add lines to the manifest")
     clips = [
         replace(
             clip, meshes=clip.meshes or meshes or (() if clip.source else mesh_beside(clip.path))
         )
-        for clip in distinct(found)
+        for clip in _distinct(found)
     ]
-    check_places(clips, folder)
+    _check_places(clips, folder)
     return clips
 
 
-def distinct(found: list[BatchClip]) -> list[BatchClip]:
+def _distinct(found: list[BatchClip]) -> list[BatchClip]:
     """What there is to do, once each, under the names that manifests say, or else distinct ones."""
     resolved = cache(Path.resolve)  # most clips share a folder
 
@@ -132,7 +132,7 @@ def expanded(path: Path) -> list[Path]:
     return found
 
 
-def clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
+def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
     """The clips at or below one path; `InputError` where there is none."""
     if source is not None:
         clips = find_source_clips(source_named(source), [path], folder)
@@ -241,7 +241,7 @@ def clips_of_row(
             "'source', or drop it"
         )
     try:
-        clips = clips_of(path, source, folder)
+        clips = _clips_of(path, source, folder)
     except InputError as error:
         clips = [BatchClip(path.stem, path, source, problem=str(error))]
     if name and len(clips) > 1:
@@ -279,7 +279,7 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
     return settings, reading
 
 
-def check_places(clips: list[BatchClip], folder: Path) -> None:
+def _check_places(clips: list[BatchClip], folder: Path) -> None:
     """Refuse results outside of their folder, and results that would replace an input."""
     inputs = {clip.path.resolve() for clip in clips}
     for clip in clips:

@@ -64,9 +64,9 @@ def clean_batch(
         InputError: another run works in the folder, or it cannot be written to.
     """
     batch.options.resolved()
-    path, settings = batch.folder / CLEANED, settings_of(batch)
+    path, settings = batch.folder / CLEANED, _settings_of(batch)
     with only_run_in(batch.folder):
-        records = records_before(clips, batch, settings)
+        records = _records_before(clips, batch, settings)
         begin_journal(path, [settings, *records.values()])
         left = [clip for clip in clips if records[clip.name]["state"] == "left"]
         before = done = len(clips) - len(left)
@@ -89,16 +89,16 @@ def outcomes_of(
     """Clean some clips, in the order in which they are ready."""
     clean = partial(clean_clip, batch=batch)
     if ray is not None and left:
-        return on_cluster(left, clean, address=ray, lost=lost)
-    return results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=lost)
+        return on_cluster(left, clean, address=ray, lost=_lost)
+    return results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=_lost)
 
 
-def lost(clip: BatchClip, why: str) -> CleaningOutcome:
+def _lost(clip: BatchClip, why: str) -> CleaningOutcome:
     """The outcome of a clip that killed its workers."""
     return CleaningOutcome(clip.name, f"{clip.path}: {why}")
 
 
-def records_before(
+def _records_before(
     clips: list[BatchClip], batch: BatchOptions, settings: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
@@ -114,13 +114,13 @@ def records_before(
     for clip in clips:
         asked = clip.described()
         record = known.pop(clip.name, {})
-        if not is_done(record, asked, batch.folder):
+        if not _is_done(record, asked, batch.folder):
             record = {"clip": clip.name, "state": "left", "asked": asked}
         known[clip.name] = record  # in the order of the clips, behind those of other runs
     return known
 
 
-def is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
+def _is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
     """Whether a journal calls a clip done, and all its files are as they were."""
     if record.get("state") != "done" or record.get("asked") != asked:
         return False
@@ -140,7 +140,7 @@ def outcome_in(record: dict[str, Any]) -> CleaningOutcome:
     return replace(held, hands=[with_nan(hand) for hand in held.hands])
 
 
-def settings_of(batch: BatchOptions) -> dict[str, Any]:
+def _settings_of(batch: BatchOptions) -> dict[str, Any]:
     """What the results of all clips depend on: it identifies a run."""
     return {
         "options": as_dict(batch.options),

@@ -130,7 +130,7 @@ def cell_of(scores: list[Score], key: str) -> Cell | None:
         return None
     by_recording = grouped((recording_of(clip), value) for clip, _, value in values)
     by_seed = [fmean(group) for group in grouped((seed, value) for _, seed, value in values)]
-    low, high = interval(by_recording)
+    low, high = recordings_interval(by_recording)
     deviation = stdev(by_seed) if len(by_seed) > 1 else None
     return Cell(fmean(by_seed), deviation, low, high, count=len(values))
 
@@ -143,7 +143,7 @@ def grouped(values: Iterable[tuple[object, float]]) -> list[list[float]]:
     return list(groups.values())
 
 
-def interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float | None]:
+def recordings_interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float | None]:
     """Interval of the mean of all values, by how recordings as a whole scatter about it.
 
     Values of one recording, its windows and seeds, are not independent. A mean of groups is a ratio

@@ -139,7 +139,7 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
             "give the object's own file"
         )
     mesh = plain_obj(path) or by_trimesh(path)
-    mesh = checked(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
+    mesh = checked_mesh(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
     return tidied(mesh) if tidy else mesh
 
 
@@ -240,10 +240,10 @@ def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
         return ()
     if isinstance(given, Mesh | ForeignMesh | Path | str) or not isinstance(given, Iterable):
         given = [given]
-    return tuple(mesh_of(each, unit) for each in given)
+    return tuple(mesh_from(each, unit) for each in given)
 
 
-def mesh_of(given: Any, unit: Unit) -> Mesh:
+def mesh_from(given: Any, unit: Unit) -> Mesh:
     """One mesh, or that of a file; `InputError` for anything else."""
     if isinstance(given, Mesh):
         return given
@@ -251,7 +251,7 @@ def mesh_of(given: Any, unit: Unit) -> Mesh:
         return load_mesh(given, unit)
     if isinstance(given, ForeignMesh):
         verts, faces = (torch.as_tensor(np.array(part)) for part in (given.vertices, given.faces))
-        return tidied(checked(Mesh(verts, faces), "the mesh"))
+        return tidied(checked_mesh(Mesh(verts, faces), "the mesh"))
     raise InputError(
         f"a mesh must be a geneoh.Mesh or the path of its file, got {type(given).__name__}; "
         "geneoh.Mesh(vertices, faces) makes one of arrays"
@@ -294,7 +294,7 @@ def scene_parts(scene: "trimesh.Scene", path: Path) -> tuple[Mesh, ...]:
     return tuple(parts) if len(parts) > 1 else ()
 
 
-def checked(mesh: Mesh, source: str) -> Mesh:
+def checked_mesh(mesh: Mesh, source: str) -> Mesh:
     """The same mesh if it has a surface that can be measured, else `InputError` about `source`."""
     verts, faces = mesh.verts, mesh.faces
     if len(faces) == 0:

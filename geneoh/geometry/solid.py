@@ -20,7 +20,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import (
     WELD_TOLERANCE,
     Mesh,
-    checked,
+    checked_mesh,
     connected,
     open_edges,
     rims,
@@ -96,7 +96,7 @@ def build_solid(mesh: Mesh) -> Solid:
         InputError: the mesh has no surface that can be measured, or none that encloses anything.
     """
     name = str(mesh.source or "the mesh")
-    mesh = checked(Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu()), name)
+    mesh = checked_mesh(Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu()), name)
     whole = welded(mesh)
     if not len(whole.faces):
         raise InputError(

@@ -58,7 +58,7 @@ class SurfacePoints(Bundle):
         return torch.cat([(step >= MOVING) & self.valid[:, 1:], last], 1)
 
 
-def realism(
+def realistic_share(
     touched: Bool[Tensor, "B T P"], surface: SurfacePoints, fps: float, friction: float = FRICTION
 ) -> Float[Tensor, " B"]:
     """Share of each clip's frames that are realistic, 0 to 1, by the points that hands touch."""

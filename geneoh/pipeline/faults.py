@@ -72,7 +72,7 @@ def without_faults_of(
     said = list(words)
     for fault in faults(hand, fps, motion):
         if fault.of_fingers:
-            hand, cure = with_other_fingers(hand, fault.frames), "got those of the frames around"
+            hand, cure = _with_other_fingers(hand, fault.frames), "got those of the frames around"
         else:
             hand, cure = replace(hand, valid=hand.valid & ~fault.frames), "taken as missing"
         where = numbered(int(fault.frames.sum()), "frame")
@@ -80,7 +80,7 @@ def without_faults_of(
     return hand, tuple(said)
 
 
-def with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
+def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
     """The track whose fingers in some frames are those around them, with hardly any confidence."""
     around, chosen = observed_around(hand.observed & ~frames), frames[:, None, None]
     pose, joints, trust = hand.pose, hand.joints, hand.trust
@@ -107,7 +107,7 @@ def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> It
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
-        few = find is repeated or 2 * int(wrong.sum()) <= int(seen.sum())
+        few = find is _repeated or 2 * int(wrong.sum()) <= int(seen.sum())
         if few and bool(wrong.any()):
             yield Fault(wrong, words, of_fingers)
             seen = seen & ~wrong
@@ -148,7 +148,7 @@ class KeypointTrack:
         return frames
 
 
-def repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
+def _repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames that repeat the one before, in the middle of motion."""
     found = track.nothing
     for run in stops(track, track.joints):
@@ -240,7 +240,7 @@ def other_side(track: KeypointTrack) -> Bool[Tensor, " T"]:
 
 
 FAULTS = (
-    (repeated, "repeats the frame before, between two leaps,", False),
+    (_repeated, "repeats the frame before, between two leaps,", False),
     (stiff, "has fingers that keep still, between two leaps,", True),
     (displaced, "is where no motion brings it", False),
     (turned_over, "is turned as no motion turns it", False),

@@ -41,7 +41,7 @@ class FirstLook:
             return ()
         frames = [*self._frames, seen]
         if seen.hand and sum(frame.hand is not None for frame in frames) == ORDER_FRAMES:
-            refuse_order(hand_of(frames), where)
+            refuse_order(_hand_of(frames), where)
         if len(frames) < round(SECONDS * self._fps):
             self._frames = frames
             return ()
@@ -61,7 +61,7 @@ class FirstLook:
         """What is doubtful about some frames, as of a file with them."""
         motion = concatenated([frame.object for frame in frames])
         motion = fill_object(replace(motion, meshes=self._meshes))
-        hand, lost = without_faults_of(hand_of(frames), self._fps, motion)
+        hand, lost = without_faults_of(_hand_of(frames), self._fps, motion)
         refuse_order(hand, where)
         try:
             # a hand may come near later, but from so far away none does
@@ -85,7 +85,7 @@ def refuse_order(hand: HandTrack, where: str) -> None:
     refuse_other_order(hand, where, "give them in OpenPose order")
 
 
-def hand_of(frames: list[Observed]) -> HandTrack:
+def _hand_of(frames: list[Observed]) -> HandTrack:
     """The hand of some frames, of which one at least has it, as a track."""
     lost = lost_like(next(frame.hand for frame in frames if frame.hand is not None))
     return concatenated([frame.hand or lost for frame in frames])

@@ -224,7 +224,7 @@ def finite_frames(values: Array) -> Array:
     return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
-def moving(motions: Mapping[str, Array]) -> list[str]:
+def moving_objects(motions: Mapping[str, Array]) -> list[str]:
     """The names of the objects that leave their place, by their (T, 4, 4) poses in metres.
 
     Of a table full of things only some are handled. Where none moves, all that have poses.

@@ -108,7 +108,7 @@ def load(
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
     notes = (*notes, missing) if missing else notes
-    for note in (*notes, *npz_layouts.misspelt(record, layout)):
+    for note in (*notes, *npz_layouts.misspelt_fields(record, layout)):
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"

@@ -87,12 +87,12 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
     # where none is seen, reading refuses all of them
     seen: list[Side] = [side for side in sides if is_seen(record, names[side])] or sides
     unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
-    found = [read_track(record, s, names[s], hand_model=read_model(record, s)) for s in seen]
+    found = [read_track(record, s, names[s], hand_model=_read_model(record, s)) for s in seen]
     notes = (note for _, about in found for note in about)
     return tuple(hand for hand, _ in found), (*unseen, *notes)
 
 
-def read_model(record: Record, side: Side, default: str | None = None) -> str | None:
+def _read_model(record: Record, side: Side, default: str | None = None) -> str | None:
     """Whose betas of one side a file has: MANO's right hand has one form only."""
     model = record.optional_text("hand_model")
     refuse_unknown_model(model, record.where)
@@ -119,7 +119,7 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
                 f"{record.where}: the smplx layout needs 'global_orient' and 'hand_pose', "
                 f"got no '{name}'; add it"
             )
-    model = read_model(record, side, AS_SHIPPED)
+    model = _read_model(record, side, AS_SHIPPED)
     root = read_rotations(record, "global_orient", 1)
     fingers = read_rotations(record, "hand_pose", 15)
     record.refuse_lengths(*SMPLX_PARAMETERS)

@@ -189,7 +189,7 @@ def without_idle_hand(recording: Recording) -> Recording:
     if not idle or len(idle) == len(sequence.hands):
         return recording
     note = f"the {min(idle)} hand never comes near the object and was left out"
-    return with_hands(recording, sides_of(recording) - idle, note)
+    return _with_hands(recording, sides_of(recording) - idle, note)
 
 
 def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions) -> Recording:
@@ -203,7 +203,7 @@ def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions)
     if options.side not in sides_of(recording):
         got = " and ".join(sides_of(recording))
         raise InputError(f"{clip.path}: expected a {options.side} hand, got {got}; drop --side")
-    return with_hands(recording, {options.side})
+    return _with_hands(recording, {options.side})
 
 
 def sides_of(recording: Recording) -> set[Side]:
@@ -211,7 +211,7 @@ def sides_of(recording: Recording) -> set[Side]:
     return {hand.side for hand in recording.sequence.hands}
 
 
-def with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording:
+def _with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording:
     """Only the hands of some sides, with notes on why."""
     sequence = recording.sequence
     hands = tuple(hand for hand in sequence.hands if hand.side in sides)

@@ -112,7 +112,7 @@ class Record:
         cure = remedy if array.size else "at least one frame is needed"
         if not cure and self.remedy.startswith(RESHAPE) and is_transposed(array.shape, shapes):
             cure = "bring its axes into this order with transpose, reshape would mix them"
-        wanted = " or ".join(map(shown, shapes))
+        wanted = " or ".join(map(_shown, shapes))
         raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
 
     def optional_array(self, name: Any, *shapes: Shape, **refusal: str) -> Array | None:
@@ -319,7 +319,7 @@ def without_ones(shape: Shape) -> Shape:
     return tuple(size for size in shape if size != 1)
 
 
-def shown(shape: Shape) -> str:
+def _shown(shape: Shape) -> str:
     """A shape for a message."""
     return f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
 

@@ -108,7 +108,7 @@ def act(
     stood, ground = stood_on_table(surface[first] @ setup.standing.mT)
     middle = stood.mean(1) * torch.eye(3)[2]
     radius = (stood - middle[:, None]).norm(dim=-1).amax(1)
-    moves, timing = draw_timing(verb, setup.paired, radius, config, draws)
+    moves, timing = _draw_timing(verb, setup.paired, radius, config, draws)
     rotation, translation, opened = motion_around(middle, moves.path(timing.start, LONGEST))
     joint = joint_values(verb, held.travel[first], opened)
 
@@ -171,7 +171,7 @@ def joint_values(
     return torch.lerp(travel[:, :1], travel[:, 1:], opened)
 
 
-def draw_timing(
+def _draw_timing(
     verb: Int[Tensor, " N"],
     paired: Bool[Tensor, " N"],
     radius: Float[Tensor, " N"],

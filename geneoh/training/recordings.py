@@ -77,7 +77,7 @@ class RecordedShard:
     left_out: dict[str, int]  # frames that no clip holds, by the reason
 
 
-def clips_of(source: str, path: Path) -> list[SourceClip]:
+def _clips_of(source: str, path: Path) -> list[SourceClip]:
     """The clips of a source below a path; `InputError` if it does not exist or holds none."""
     if source != SEQUENCES:
         return find_clips(source_named(source), [path])
@@ -130,7 +130,7 @@ def make_shards(
     Raises:
         InputError: no clip of the source can be read; the message says why, of the first.
     """
-    clips, shards, problems = clips_of(source, path), [], []
+    clips, shards, problems = _clips_of(source, path), [], []
     for clip in steps(clips, on_step):
         shard = shard_path(folder, clip)
         try:

@@ -5,7 +5,7 @@ import pytest
 
 from geneoh.batch import run
 from geneoh.batch.cleaning import BatchOptions
-from geneoh.batch.clips import find_clips
+from geneoh.batch.clips import find_batch_clips
 from geneoh.pipeline.options import Options
 
 
@@ -29,6 +29,6 @@ def clean(tmp_path, faked):
 
     def cleaned(folder, out="out", options=None, reading=None, meshes=(), **how):
         batch = BatchOptions(tmp_path / out, options or Options(), reading or {})
-        return run.clean_batch(find_clips([folder], None, batch.folder, meshes), batch, **how)
+        return run.clean_batch(find_batch_clips([folder], None, batch.folder, meshes), batch, **how)
 
     return cleaned

@@ -7,7 +7,7 @@ import pytest
 from bad_inputs import good_arrays
 
 from geneoh.batch.cleaning import BatchOptions, clean_clip
-from geneoh.batch.clips import find_clips
+from geneoh.batch.clips import find_batch_clips
 from geneoh.errors import ConfigError, InputError
 
 
@@ -19,7 +19,9 @@ def found(tmp_path, monkeypatch):
     fake_cleaning.write_clips(tmp_path / "in/more", 1)
 
     def names(*inputs, source=None, meshes=()):
-        clips = find_clips([tmp_path / each for each in inputs], source, tmp_path / "out", meshes)
+        clips = find_batch_clips(
+            [tmp_path / each for each in inputs], source, tmp_path / "out", meshes
+        )
         return {clip.name: clip for clip in clips}
 
     return names
@@ -48,19 +50,19 @@ def test_results_are_no_inputs(found, tmp_path):
 def test_results_are_no_inputs_by_any_way_to_their_folder(found, tmp_path, way):
     fake_cleaning.write_clips(tmp_path / "out", 3)
     (tmp_path / "link").symlink_to(tmp_path / "out")
-    clips = find_clips([tmp_path], None, tmp_path / way)
+    clips = find_batch_clips([tmp_path], None, tmp_path / way)
     assert [clip.name for clip in clips] == ["in/clip0", "in/clip1", "in/more/clip0"]
 
 
 def test_inputs_above_the_folder_for_results_are_found_from_within_it(found, tmp_path):
     (tmp_path / "out").mkdir()
-    clips = find_clips([tmp_path / "out/../in"], None, tmp_path / "out")
+    clips = find_batch_clips([tmp_path / "out/../in"], None, tmp_path / "out")
     assert [clip.name for clip in clips] == ["clip0", "clip1", "more/clip0"]
 
 
 def test_a_folder_that_is_also_for_the_results_is_refused_as_such(found, tmp_path):
     with pytest.raises(InputError, match="outside of folders for results, got 3 within them"):
-        find_clips([tmp_path / "in"], None, tmp_path / "in")
+        find_batch_clips([tmp_path / "in"], None, tmp_path / "in")
 
 
 def test_results_of_an_earlier_run_in_another_folder_are_no_inputs(found, tmp_path, caplog):

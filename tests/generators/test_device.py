@@ -49,7 +49,7 @@ def test_interactions_are_generated_alike_on_every_device(device):
 
     def made(place):
         networks = Text2HoiNetworks(WordEncoder(), contact.to(place), interaction.to(place), length)
-        actions, _ = interactions.sample(
+        actions, _ = interactions.sample_actions(
             networks,
             objects.to(place),
             said,
@@ -79,7 +79,7 @@ def test_a_sentence_is_acted_out_on_the_device_that_is_named(device, monkeypatch
         return Text2HoiNetworks(WordEncoder(), contact.to(device), interaction.to(device), length)
 
     heard = list[str]()
-    monkeypatch.setattr(acting, "load_networks", loaded)
+    monkeypatch.setattr(acting, "load_text2hoi", loaded)
     mesh = from_trimesh(trimesh.creation.box((0.05, 0.06, 0.1)))
 
     def made(place):
@@ -101,7 +101,7 @@ def test_hands_are_given_to_a_body_on_the_device_that_is_named(device, monkeypat
             network.to(device)
         return networks
 
-    monkeypatch.setattr(on_body, "load_networks", loaded)
+    monkeypatch.setattr(on_body, "load_both2hands", loaded)
 
     def made(place):
         asked = on_body.BodyOptions(steps=2, device=place)
@@ -124,7 +124,7 @@ def test_hands_of_a_body_are_generated_alike_on_every_device(device):
             hands.Both2HandsSampling(steps=2),
         )
         generator = torch.Generator().manual_seed(0)
-        found = hands.sample(
+        found = hands.sample_hands(
             networks, motion.to(place), SKELETON, said, config, generator=generator
         )
         assert found.rotations.device.type == torch.device(place).type

@@ -12,7 +12,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import (
     Mesh,
     by_trimesh,
-    checked,
+    checked_mesh,
     connected,
     from_trimesh,
     load_mesh,
@@ -339,7 +339,7 @@ def test_useless_file_is_refused_in_one_sentence_that_names_it(name, content, sa
 def test_faces_beyond_the_vertices_are_refused(index):
     mesh = Mesh(torch.eye(3), torch.tensor([[0, 1, index]]))
     with pytest.raises(InputError, match=r"cup\.obj: faces must index the 3 vertices"):
-        checked(mesh, "cup.obj")
+        checked_mesh(mesh, "cup.obj")
 
 
 def test_a_pointer_of_git_lfs_is_no_mesh_without_faces(tmp_path):

@@ -10,8 +10,8 @@ from geneoh.metrics.realism import (
     GRAVITY,
     SurfacePoints,
     moved_alone,
-    realism,
     realistic_frames,
+    realistic_share,
     touched_points,
     wanted_wrench,
 )
@@ -188,7 +188,7 @@ def test_each_clip_of_a_batch_has_its_own_value():
         torch.tensor([FRAMES, FRAMES]),
     )
     touched = torch.zeros(both.points.shape[:3], dtype=torch.bool)
-    assert realism(touched, both, FPS).tolist() == [1, 0]
+    assert realistic_share(touched, both, FPS).tolist() == [1, 0]
 
 
 def test_motion_without_contact_counts_moving_frames_without_a_keypoint_nearby():

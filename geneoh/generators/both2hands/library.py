@@ -46,7 +46,7 @@ class Both2HandsNetworks(Branches):
     blend: Blender
 
 
-def load_networks(
+def load_both2hands(
     folder: Path | None = None,
     *,
     text_encoder: Path | None = None,
@@ -64,7 +64,7 @@ def load_networks(
     """
     refuse_none_of(BODY_STAGES, folder)
     branches = load_branches(folder, text_encoder=text_encoder)
-    path = weights_of("blend", folder)
+    path = both2hands_weights("blend", folder)
     saved = load_checkpoint(path)
     blend = network_of(saved, path, Blender, BlendConfig)
     if blend.config.form == "ours":
@@ -80,9 +80,9 @@ def load_networks(
 
 
 def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:
-    """The two networks that are blended; arguments and errors are those of `load_networks`."""
-    body = load_network(weights_of("body_hands", folder), BodyHands, HandsConfig)
-    path = weights_of("text_hands", folder)
+    """The two networks that are blended; arguments and errors are those of `load_both2hands`."""
+    body = load_network(both2hands_weights("body_hands", folder), BodyHands, HandsConfig)
+    path = both2hands_weights("text_hands", folder)
     saved = load_checkpoint(path)
     text = network_of(saved, path, TextHands, TextHandsConfig)
     encoder = None if text_encoder is None else foreign_encoder(text_encoder)
@@ -116,6 +116,6 @@ def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:
     return partial(sentence_numbers, tokenizer, longest=config.words.longest)
 
 
-def weights_of(name: str, folder: Path | None) -> Path:
+def both2hands_weights(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
     return file_or_shipped(name, folder, SHIPPED)

@@ -24,7 +24,7 @@ from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.pieces import words_of
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.progress import OnStep, steps
-from geneoh.readers.bodies.base import BodyRecording, at_rate
+from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
@@ -82,7 +82,7 @@ def recorded_gestures(
     held = torch.tensor([window.group in groups_held for window in windows])
     kept = [n for n, window in enumerate(windows) if window.sentences or not told]
     windows, held = [windows[n] for n in kept], held[kept]
-    clips, divided = joined(windows), bool(held.any() and not held.all())
+    clips, divided = _joined(windows), bool(held.any() and not held.all())
     parts = [clips.take(some, "B") for some in ((~held, held) if divided else (slice(None),) * 2)]
     split = "validated on what is learned: there is no other recording"
     if divided:
@@ -105,7 +105,7 @@ def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Win
     Those without sentences are among them, so that the same recordings are held out with and
     without them.
     """
-    paced = at_rate(each.body, FPS)
+    paced = body_at_rate(each.body, FPS)
     reason = reason_against(paced)
     found = [] if reason else list(cut(each, paced))
     if told and found and not any(window.sentences for window in found):
@@ -156,7 +156,7 @@ def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:
     )
 
 
-def joined(windows: Sequence[Window]) -> Gestures:
+def _joined(windows: Sequence[Window]) -> Gestures:
     """All clips in one, each with as many sentences as the one of which most is said."""
     most = max(1, *(len(window.sentences) for window in windows))
     said = [window.sentences or ("",) for window in windows]

@@ -21,7 +21,7 @@ from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.scene import PlacedBodies, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.from_noise import Answer, Sampler, from_noise
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 
@@ -114,7 +114,7 @@ class Process:
 
 
 @torch.no_grad()
-def sample(
+def sample_hands(
     networks: Both2HandsNetworks,
     motion: BodyMotion,
     skeleton: Skeleton,
@@ -144,7 +144,7 @@ def sample(
     process = Process(networks, windows, scene, told, config, generator, on_step)
     features = body.scale.denormalise(finite_output(process.hands()))
     if body.config.frame == "wrist":
-        features = smoothed(features, config.smoothing)
+        features = smoothed_clips(features, config.smoothing)
     made = with_fingers(moved, pose(skeletons, moved), features, body.config.frame)
     return with_other_fingers(motion, made.rotations[:, :frames, BODY_JOINTS:])
 
@@ -165,8 +165,8 @@ def generate_hands(
     networks: Both2HandsNetworks,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """One body with fingers inside the limits of a hand; see `sample` and `check_sentence`."""
-    made = sample(
+    """One body with fingers in the limits of a hand; see `sample_hands` and `check_sentence`."""
+    made = sample_hands(
         networks,
         BodyMotion(motion.root[None], motion.rotations[None]),
         skeleton,

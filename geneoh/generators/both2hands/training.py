@@ -130,9 +130,9 @@ class HandsTask(SamplesTask):
         training, validation = self.data.training, self.data.validation
         return {
             "sequences": len(training.length),
-            "data": data_digest(training),
-            "validation": data_digest(validation),
-            "words": words_digest(training, validation),
+            "data": _data_digest(training),
+            "validation": _data_digest(validation),
+            "words": _words_digest(training, validation),
             "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
         }
@@ -148,16 +148,16 @@ def task_loss(
     """The loss of a network at random levels of noise; `branches` are those that are blended."""
     if isinstance(model, Blender):
         assert branches is not None, "the blend is learned with the two networks before it"
-        found, clean = blended(model, branches, samples, config, draws)
+        found, clean = blended_answers(model, branches, samples, config, draws)
     else:
-        found, clean = denoised(model, samples, draws)
+        found, clean = _denoised(model, samples, draws)
     loss = hands_loss(found, clean, samples.real, config)
     if isinstance(model, TextHands) and model.named is not None and config.gestures:
         loss = loss + config.gestures * naming_loss(model, samples)
     return loss
 
 
-def denoised(
+def _denoised(
     network: HandsDenoiser, samples: GestureSamples, draws: Draws
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The answer of a network at random levels of noise, and the clean numbers."""
@@ -171,7 +171,7 @@ def denoised(
     return network.denoised(_noisy(network, clean, level, draws), level.float(), told), clean
 
 
-def blended(
+def blended_answers(
     blender: Blender,
     branches: Branches,
     samples: GestureSamples,
@@ -251,12 +251,12 @@ def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
         network.body_scale.fit(features.body, real, scaling)
 
 
-def data_digest(data: Gestures) -> str:
+def _data_digest(data: Gestures) -> str:
     """A fingerprint of clips by their lengths and last poses."""
     return digest([data.length, data.pose[:, -1]])
 
 
-def words_digest(*several: Gestures) -> str:
+def _words_digest(*several: Gestures) -> str:
     """A fingerprint of what is said of clips, and of the gestures that it names."""
     told = ((clips.gesture, *map(str, clips.joined.ravel())) for clips in several)
     return digest(part for parts in told for part in parts)

@@ -13,16 +13,16 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
-from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_networks, load_refiner
+from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_refiner, load_text2hoi
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased_time, finished
-from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample
+from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
 from geneoh.generators.text2hoi.settling import settled
-from geneoh.generators.text2hoi.standing import StandingObject, stand
-from geneoh.geometry.mesh import Mesh, mesh_of
+from geneoh.generators.text2hoi.standing import StandingObject, stand_on_table
+from geneoh.geometry.mesh import Mesh, mesh_from
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import clean_interaction
@@ -117,12 +117,12 @@ def generate(
     options = given_options(asked, GenerateOptions, "geneoh.generate")
     device = named_device(options.device)
     prompt = read_prompt(sentence, frames=options.frames)
-    networks = load_networks(options.weights, text_encoder=options.text_encoder, device=device)
-    mesh = mesh_of(mesh, "m")
-    stood = stand(mesh, options.up, generator=seeded_generator(options.seed, "points"))
+    networks = load_text2hoi(options.weights, text_encoder=options.text_encoder, device=device)
+    mesh = mesh_from(mesh, "m")
+    stood = stand_on_table(mesh, options.up, generator=seeded_generator(options.seed, "points"))
     objects = objects_of(stood)
-    frames = options.frames or prompt.frames or length_of(networks, prompt, options)
-    actions, contact = sample(
+    frames = options.frames or prompt.frames or _length_of(networks, prompt, options)
+    actions, contact = sample_actions(
         networks,
         objects.to(device),
         [prompt.told],
@@ -146,7 +146,7 @@ def generate(
         fault = f"the {prompt.giver} hand does not pass the object on"
         notes = (*notes, _fault_note(options.draws, fault))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
-    sequence, refined = placed(actions, stood, prompt.sentence), None
+    sequence, refined = placed_sequence(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
         # no tracker can have lost these hands: one that stands still at its object is meant to
         cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
@@ -158,7 +158,7 @@ def generate(
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
 
 
-def length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:
+def _length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:
     """A random number of frames that suits the sentence."""
     text = networks.text.encode([prompt.told])
     return int(networks.length.sample(text, generator=seeded_generator(options.seed, "length")))
@@ -177,15 +177,15 @@ def objects_of(stood: StandingObject) -> Objects:
     )
 
 
-def placed(actions: Actions, stood: StandingObject, sentence: str) -> Sequence:
+def placed_sequence(actions: Actions, stood: StandingObject, sentence: str) -> Sequence:
     """The first action as a sequence, with the poses of the mesh as its file has it."""
-    sequence = sequence_of(actions, (stood.mesh,), f"generated: {sentence}")
+    sequence = action_sequence(actions, (stood.mesh,), f"generated: {sentence}")
     rotation, translation = (each[: sequence.frames, None] for each in stood.poses(actions))
     motion = replace(sequence.object, rotation=rotation, translation=translation)
     return replace(sequence, object=motion)
 
 
-def sequence_of(actions: Actions, meshes: tuple[Mesh, ...], source: str = "") -> Sequence:
+def action_sequence(actions: Actions, meshes: tuple[Mesh, ...], source: str = "") -> Sequence:
     """The first action as a sequence of its hands of the mean shape and its object.
 
     `meshes` are one for each part of the object, in the frame of `Actions`; with one mesh the

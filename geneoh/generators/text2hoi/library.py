@@ -40,7 +40,7 @@ class Text2HoiNetworks:
     length: LengthNetwork
 
 
-def load_networks(
+def load_text2hoi(
     folder: Path | None = None,
     *,
     text_encoder: Path | None = None,
@@ -71,8 +71,8 @@ def told_network(
     network: Callable[[Any], Told],
     config: Callable[..., Any],
 ) -> Told:
-    """A network of a folder, else the shipped one; errors are those of `load_networks`."""
-    path = weights_of(name, folder)
+    """A network of a folder, else the shipped one; errors are those of `load_text2hoi`."""
+    path = text2hoi_weights(name, folder)
     saved = load_checkpoint(path)
     found = network_of(saved, path, network, config)
     refuse_other_encoder(path, saved.record, found.config.text, text)
@@ -119,7 +119,7 @@ def vector_of_training(
 
 def load_refiner(folder: Path | None) -> RefinerNetwork:
     """The refiner of a folder, else the shipped one; `CheckpointError` where it does not fit."""
-    return load_network(weights_of("refiner", folder), RefinerNetwork, RefinerConfig)
+    return load_network(text2hoi_weights("refiner", folder), RefinerNetwork, RefinerConfig)
 
 
 def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
@@ -129,6 +129,6 @@ def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEnc
     return load_text_encoder(text_encoder)
 
 
-def weights_of(name: str, folder: Path | None) -> Path:
+def text2hoi_weights(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
     return file_or_shipped(name, folder, SHIPPED)

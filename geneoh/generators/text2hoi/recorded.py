@@ -96,8 +96,8 @@ def action_of(
     seen = [track for track in recording.hands if usable(track, chosen)]
     first = int(torch.nonzero(known)[0])
     place = ActionFrame.of(recording, int(chosen[0]), first, surface, up)
-    action = with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
-    near = touching(action, seen, chosen, place)
+    action = _with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
+    near = _touching(action, seen, chosen, place)
     if label.hands is not None:
         asked = torch.tensor(TAKING_PART[label.hands])
         if bool((asked & ~near).any()):
@@ -156,7 +156,7 @@ def opening(rotation: Float[Tensor, "N Q 3 3"]) -> Float[Tensor, " N"]:
     return torch.from_numpy(np.unwrap(about_z * HINGE[2])).float()
 
 
-def with_hands(
+def _with_hands(
     action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: ActionFrame
 ) -> Actions:
     """The action with all hands that are seen."""
@@ -171,7 +171,7 @@ def with_hands(
     return replace(action, pose=pose, wrist=wrist)
 
 
-def touching(
+def _touching(
     action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: ActionFrame
 ) -> Bool[Tensor, " 2"]:
     """Whether the left and the right hand come within `NEAR` of the object's points.

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
 from geneoh.generators.from_noise import Sampler, from_noise
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.interaction import Condition, InteractionNetwork
 from geneoh.generators.text2hoi.library import Text2HoiNetworks
@@ -41,7 +41,7 @@ class Text2HoiSampling:
 
 
 @torch.no_grad()
-def sample(
+def sample_actions(
     networks: Text2HoiNetworks,
     objects: Objects,
     sentences: Sequence[str],
@@ -98,9 +98,9 @@ def actions_of_numbers(
     lengths: Int[Tensor, " B"],
     smoothing: float,
 ) -> Actions:
-    """Drawn numbers as actions in the time that is asked for; see `sample`."""
+    """Drawn numbers as actions in the time that is asked for; see `sample_actions`."""
     valid, objects = condition.valid, condition.objects
-    numbers = smoothed(finite_output(numbers), smoothing, valid.sum(1))
+    numbers = smoothed_clips(finite_output(numbers), smoothing, valid.sum(1))
     flat, frame = network.denormalise(numbers), network.config.frame
     tokens = Tokens.of_flat(flat, valid, condition.present, objects.jointed, frame)
     return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)

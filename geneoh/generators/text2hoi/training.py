@@ -231,19 +231,19 @@ def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict
     """What weights tell of the actions that they were learned from, and of the text encoder."""
     return {
         "sequences": len(data.training.actions),
-        "data": data_digest(data.training),
-        "validation": data_digest(data.validation),
-        "words": words_digest(data.training, data.validation),
+        "data": _data_digest(data.training),
+        "validation": _data_digest(data.validation),
+        "words": _words_digest(data.training, data.validation),
         **text_record(encoder),
     }
 
 
-def data_digest(data: ActionData) -> str:
+def _data_digest(data: ActionData) -> str:
     """A fingerprint of actions by their lengths and the last place of each wrist."""
     return digest([data.lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
-def words_digest(*several: ActionData) -> str:
+def _words_digest(*several: ActionData) -> str:
     """A fingerprint of what sentences for actions are made of: their verbs and objects."""
 
     def parts(data: ActionData) -> Iterator[Tensor | str]:

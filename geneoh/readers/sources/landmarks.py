@@ -89,7 +89,7 @@ def own_parts(value: object, name: str, where: str, options: base.ReaderOptions)
         )
     scale = METRES[options.keypoint_unit or "m"]
     read: dict[Side, tuple[Array, Array]] = {
-        side: read_frames(steps, order, scale, hands.where) for side, steps in frames.items()
+        side: _read_frames(steps, order, scale, hands.where) for side, steps in frames.items()
     }
     rate, clock, about_time = timing_of(record, lengths.pop(), options.fps)
     camera = scale * record.array("camera", (3,)) if "camera" in record else None
@@ -136,7 +136,7 @@ def foreign_parts(
     )
 
 
-def read_frames(
+def _read_frames(
     frames: list[object], order: JointOrder, scale: float, where: str
 ) -> tuple[Array, Array]:
     """(T, 21, 3) keypoints in metres, a unit being `scale`, NaN for none, and (T, 21) trust."""

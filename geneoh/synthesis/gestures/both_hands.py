@@ -19,7 +19,7 @@ from geneoh.synthesis.gestures.hands import (
     Variation,
     draw_timing,
     perform,
-    resting,
+    resting_hand,
     stroke,
     variation_of,
 )
@@ -118,7 +118,7 @@ def draw_seated(roles: Roles, shares: GestureShares, draws: Draws) -> bool:
     return bool(draws.chance(share))
 
 
-def hand_motions(
+def gesture_motions(
     roles: Roles,
     seated: bool,
     swing: Float[Tensor, "T 2"],
@@ -133,7 +133,7 @@ def hand_motions(
     timing = GestureTiming(still, still)
     hands: list[tuple[HandMotion, Tensor, Tensor, Tensor]] = []
     for index, role in enumerate((roles.left, roles.right)):
-        at_rest = resting(RESTS[rest[index]], frames, swing[:, index], settings, draws)
+        at_rest = resting_hand(RESTS[rest[index]], frames, swing[:, index], settings, draws)
         if role.gesture is None:
             hands.append((at_rest, still, still, still))
             continue

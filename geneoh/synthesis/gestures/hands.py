@@ -156,7 +156,7 @@ def perform(
     course = course * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
     if gesture.course == "strike":
         course = course.clamp(max=1.0)  # a blow ends at what it meets
-    first, last = (place_of(each) for each in (gesture.start, gesture.end or gesture.start))
+    first, last = (_place_of(each) for each in (gesture.start, gesture.end or gesture.start))
     place = first + variation.size * course[:, None] * (last - first) + variation.place
     place = place + settings.sway * draws.smooth(frames, 3, 14.0)[0]
     fingers = finger_course(gesture, variation, timing, course, settings, draws)
@@ -185,7 +185,7 @@ def _turn_against_forearm(
     twist that no person makes.
     """
     one, other = (
-        against_forearm(turn_of(each), place_of(each), gesture.swivel)
+        against_forearm(turn_of(each), _place_of(each), gesture.swivel)
         for each in (gesture.start, gesture.end or gesture.start)
     )
     turn = interpolate_rotations(one, other, course.clamp(0, 1.2))
@@ -259,12 +259,12 @@ def taps(kind: str, phase: Float[Tensor, " T"], draws: Draws) -> Float[Tensor, "
     return chosen * torch.exp(-0.5 * ((at - number) / 0.16) ** 2)
 
 
-def resting(
+def resting_hand(
     pose: HandPose, frames: int, swing: Float[Tensor, " T"], settings: HandSettings, draws: Draws
 ) -> HandMotion:
     """A right hand at rest, which swings forward with the steps of a person who walks, metres."""
     variation = Variation.drawn(draws, settings, 0.7)
-    place = place_of(pose) + variation.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
+    place = _place_of(pose) + variation.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
     turn = turn_of(pose) @ axis_angle_to_matrix(variation.turn)
     still = replace(_STILL, start=pose)
     timing = GestureTiming(torch.zeros(frames), torch.ones(frames))
@@ -273,7 +273,7 @@ def resting(
     return HandMotion(place, turn.expand(frames, 3, 3), fingers)
 
 
-def place_of(pose: HandPose) -> Float[Tensor, " 3"]:
+def _place_of(pose: HandPose) -> Float[Tensor, " 3"]:
     """The place of a right wrist from its shoulder, in the body's axes."""
     return torch.tensor(pose.place) * torch.tensor(OUTWARD)
 

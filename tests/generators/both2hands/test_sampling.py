@@ -7,7 +7,7 @@ from made_bodies import SKELETON, made_motion, tiny_networks
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.errors import CheckpointError
-from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample_hands
 from geneoh.generators.both2hands.windows import FRAMES
 
 SENTENCES = ["the right hand waves", "both hands clap"]
@@ -16,7 +16,7 @@ FEW = Both2HandsSampling(steps=2)
 
 def drawn(networks, motion, sentences=SENTENCES, config=FEW, seed=0):
     generator = torch.Generator().manual_seed(seed)
-    return sample(networks, motion, SKELETON, sentences, config, generator=generator)
+    return sample_hands(networks, motion, SKELETON, sentences, config, generator=generator)
 
 
 @pytest.mark.parametrize("form", ["ours", "paper"])

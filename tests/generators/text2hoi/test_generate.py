@@ -32,7 +32,7 @@ def small_networks(monkeypatch):
     encoder = WordEncoder()
     length = LengthNetwork(LengthConfig(text=encoder.width))
     made = Text2HoiNetworks(encoder, contact.eval(), interaction.eval(), length.eval())
-    monkeypatch.setattr(module, "load_networks", lambda *folder, **more: made)
+    monkeypatch.setattr(module, "load_text2hoi", lambda *folder, **more: made)
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,9 @@ def still_actions(actions):
 
 def test_objects_rest_where_no_hand_touches_them(mug, monkeypatch):
     kept = []
-    monkeypatch.setattr(module, "placed", lambda actions, *more: kept.append(actions) or 1 / 0)
+    monkeypatch.setattr(
+        module, "placed_sequence", lambda actions, *more: kept.append(actions) or 1 / 0
+    )
     with pytest.raises(ZeroDivisionError):
         generate("Shake the mug.", mug, PLAIN)
     (actions,) = kept

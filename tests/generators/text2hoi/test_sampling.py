@@ -14,7 +14,7 @@ from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_text2hoi
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.sampling import (
     UNKNOWN,
@@ -22,7 +22,7 @@ from geneoh.generators.text2hoi.sampling import (
     condition_of,
     contact_of,
     drawn_numbers,
-    sample,
+    sample_actions,
 )
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
@@ -47,7 +47,7 @@ def sampled(networks, objects, seed=0, draws=DRAWS, **given):
     """An action for each sentence and its contact map."""
     config, generator = Text2HoiSampling(steps=4, draws=draws), torch.Generator().manual_seed(seed)
     asked = networks, objects, SAID, HANDS, LENGTHS, config
-    return sample(*asked, generator=generator, **given)
+    return sample_actions(*asked, generator=generator, **given)
 
 
 def drawn(networks, objects, seed=0):
@@ -71,7 +71,7 @@ def test_a_given_contact_map_leaves_the_noise_as_it_is(networks, objects):
 def every_draw(networks, objects):
     """All four draws of each sentence with their contact maps."""
     every = torch.arange(3).repeat_interleave(4)
-    return sample(
+    return sample_actions(
         networks,
         objects.take(every, "B"),
         [SAID[clip] for clip in every],
@@ -202,7 +202,7 @@ def saved(folder, networks):
 def test_networks_of_a_folder_make_the_same_clips(networks, objects, tmp_path, monkeypatch):
     saved(tmp_path, networks)
     monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
-    loaded = load_networks(tmp_path)
+    loaded = load_text2hoi(tmp_path)
     assert loaded.interaction.config == TINY.interaction
     torch.testing.assert_close(drawn(loaded, objects).wrist, drawn(networks, objects).wrist)
 
@@ -212,7 +212,7 @@ def test_networks_of_another_text_encoder_are_refused(networks, tmp_path, monkey
     monkeypatch.setattr(WordEncoder, "width", 9)
     monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
     with pytest.raises(ConfigError, match="expected a text encoder of 8 features, got one of 9"):
-        load_networks(tmp_path)
+        load_text2hoi(tmp_path)
 
 
 def test_damaged_weights_are_told_of(networks, objects):
