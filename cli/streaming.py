@@ -15,7 +15,7 @@ import numpy as np
 
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, numbered
-from geneoh.geometry.mesh import meshes_of
+from geneoh.geometry.mesh_files import meshes_of
 from geneoh.pipeline.first_look import SECONDS
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.stream import CleanFrame, Stream

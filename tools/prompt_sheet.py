@@ -17,7 +17,7 @@ import torch
 from PIL import Image
 
 from geneoh.generators.text2hoi.generate import Generated, GenerateOptions, generate
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.metrics.realism import SurfacePoints, moved_alone
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas

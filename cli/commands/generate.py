@@ -106,7 +106,7 @@ def generate(
 
     from geneoh.generators.sentences import prompt_text
     from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
-    from geneoh.geometry.mesh import load_mesh
+    from geneoh.geometry.mesh_files import load_mesh
 
     from .. import reports
 

@@ -17,16 +17,8 @@ from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import (
-    WELD_TOLERANCE,
-    Mesh,
-    checked_mesh,
-    connected,
-    open_edges,
-    rims,
-    thickened,
-    welded,
-)
+from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked_mesh, welded
+from geneoh.geometry.openings import connected, open_edges, rims, thickened
 
 OPENING_SHARE = 0.05
 """A hole is an opening when its area is more than this share of its shell's area.

@@ -15,7 +15,7 @@ from geneoh.config import as_field_type, closest_name
 from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.fit import FitConfig
-from geneoh.geometry.mesh import MeshInput, meshes_of
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed

@@ -13,7 +13,8 @@ from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, numbered, shortened
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
+from geneoh.geometry.mesh import METRES, Mesh
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
 from geneoh.readers import foreign_files, npz_layouts

@@ -12,7 +12,8 @@ from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, checked_call, closest_name, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
-from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
+from geneoh.geometry.mesh import METRES
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.readers.base import (
     OF_SOME,

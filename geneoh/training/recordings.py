@@ -21,7 +21,8 @@ from geneoh.errors import GeneOHError, InputError
 from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
-from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import MESH_SUFFIXES
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files

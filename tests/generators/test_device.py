@@ -18,7 +18,7 @@ from geneoh.generators.text2hoi.generate import GenerateOptions
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.objects import Objects
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.training import loop
 from geneoh.training.loop import train
 

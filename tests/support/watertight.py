@@ -1,6 +1,7 @@
 """Whether a mesh is closed."""
 
-from geneoh.geometry.mesh import Mesh, open_edges, welded
+from geneoh.geometry.mesh import Mesh, welded
+from geneoh.geometry.openings import open_edges
 
 
 def is_watertight(mesh: Mesh) -> bool:

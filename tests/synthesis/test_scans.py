@@ -12,8 +12,9 @@ from safetensors.torch import load_file, save_file
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import edges_of, load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.geometry.mirror import mirror_points
+from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import scans as module

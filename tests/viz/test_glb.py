@@ -11,7 +11,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import ObjectTrack, Sequence

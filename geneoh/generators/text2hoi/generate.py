@@ -22,7 +22,8 @@ from geneoh.generators.text2hoi.resting import eased_time, finished
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand_on_table
-from geneoh.geometry.mesh import Mesh, mesh_from
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import mesh_from
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import clean_interaction

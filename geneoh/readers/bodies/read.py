@@ -8,7 +8,7 @@ from pathlib import Path
 from geneoh.choices import Axis, Unit
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive
-from geneoh.geometry.mesh import meshes_of
+from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers import foreign_files
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.bvh import read_bvh

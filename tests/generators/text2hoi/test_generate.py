@@ -18,7 +18,7 @@ from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.resting import touching_hands
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.pipeline.results import Denoised
 
 PLAIN = GenerateOptions(refine="none", frames=20, steps=3)

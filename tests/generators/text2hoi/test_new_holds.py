@@ -12,7 +12,7 @@ from geneoh.generators.text2hoi import settling
 from geneoh.generators.text2hoi.held_hands import FIRM, HeldHands, Holding, lifted, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand_on_table
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.synthesis.contact_pads import Table
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 

@@ -11,7 +11,8 @@ from geneoh.generators.text2hoi.held_hands import HeldHands, frames_of_motion, t
 from geneoh.generators.text2hoi.settling import moved_out_of, settled, shifts_out, solid_of
 from geneoh.generators.text2hoi.standing import stand_on_table
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand

@@ -8,7 +8,8 @@ from made_actions import box_actions, on_object
 
 from geneoh.errors import InputError
 from geneoh.generators.text2hoi.standing import POINTS, stand_on_table
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 
 
 def box(sides=(0.06, 0.08, 0.2), shift=(0.3, -0.2, 0.5)) -> Mesh:
