@@ -25,9 +25,9 @@ from geneoh.files.reading import open_text, separator_of
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
+from geneoh.readers.places import place_in
 from geneoh.readers.recordings import find_clips as find_source_clips
 from geneoh.readers.recordings import source_named, with_distinct_names
-from geneoh.readers.records import place_in
 
 LOG = logging.getLogger(__name__)
 

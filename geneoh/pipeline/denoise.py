@@ -14,7 +14,8 @@ from geneoh.choices import Selection, Side
 from geneoh.config import checked_call
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import FitConfig, fit_hand
+from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface

@@ -11,10 +11,10 @@ from geneoh.pipeline.observed import Observed, lost_like
 from geneoh.readers.convention_check import doubts
 from geneoh.readers.hand_checks import refuse_other_order
 from geneoh.readers.holding_check import POSES_REACH
+from geneoh.sequence.distance_check import check_distance, least_distance
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.repeats import repeated_poses, repeats_told
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.validation import check_distance, least_distance
 
 SECONDS = 2.0  # looked at, from the first frame with the hand on: a delay needs as many
 ORDER_FRAMES = 10  # frames with the hand after which an order of the keypoints is certain

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.denoisers.library import Denoisers
-from geneoh.fitting.fit import FitConfig, fit_hand, fit_keypoints, start_from_keypoints
+from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface

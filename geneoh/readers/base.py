@@ -15,7 +15,8 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.clock import Clock
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.records import Array, Notes, Place
+from geneoh.readers.places import Place
+from geneoh.readers.records import Array, Notes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 

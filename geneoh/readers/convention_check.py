@@ -20,8 +20,9 @@ from geneoh.readers.hand_checks import HANDEDNESS, check_anatomy, refuse_other_o
 from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_wrist_place
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
+from geneoh.sequence.distance_check import distance_to_object
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.validation import check_sequence, distance_to_object
+from geneoh.sequence.validation import check_sequence
 
 WRIST_LIMIT = 0.005
 """Metres that the turning point of a stored mesh may be off; J0 is 96 mm long."""

@@ -16,8 +16,9 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.readers.mano import mean_wrist_offset
 from geneoh.readers.records import Array
 from geneoh.sequence.camera import wrist_of
+from geneoh.sequence.distance_check import ball_distance
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.validation import FARTHEST_SCENE, ball_distance
+from geneoh.sequence.validation import FARTHEST_SCENE
 
 TOUCHING_REACH = 0.25
 """Metres from the wrist to the object's ball beyond which no hand can touch the object,

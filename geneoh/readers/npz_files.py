@@ -21,10 +21,12 @@ from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
+from geneoh.readers.npz_hands import read_hands
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
-from geneoh.readers.npz_tracks import read_hands, read_object
+from geneoh.readers.npz_objects import read_object
+from geneoh.readers.places import Place, place_of
 from geneoh.readers.recordings import read
-from geneoh.readers.records import Array, Notes, Place, Record, float32, place_of
+from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.validation import check_sequence, check_tracks

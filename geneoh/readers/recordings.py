@@ -24,10 +24,12 @@ from geneoh.readers.base import (
     fit_for_name,
 )
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
-from geneoh.readers.records import Array, Record, place_of
+from geneoh.readers.places import place_of
+from geneoh.readers.records import Array, Record
 from geneoh.readers.registry import SOURCES, Source
+from geneoh.sequence.distance_check import check_distance
 from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.validation import check_distance, check_sequence
+from geneoh.sequence.validation import check_sequence
 
 
 @checked_call

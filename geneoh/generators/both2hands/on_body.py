@@ -31,8 +31,8 @@ from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.holding_check import TOUCHING_REACH
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
+from geneoh.sequence.distance_check import distance_to_object
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.sequence.validation import distance_to_object
 from geneoh.synthesis.actions import FPS
 
 

@@ -17,7 +17,8 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.files.reading import read_bytes
 from geneoh.geometry import kinematics
-from geneoh.readers.records import FRAME_LIMIT, NUMBERS_LIMIT, Array, float32
+from geneoh.readers.nested_lists import NUMBERS_LIMIT
+from geneoh.readers.records import FRAME_LIMIT, Array, float32
 
 SIZE_LIMIT = 2**28
 """Bytes of a BVH: an hour of a body with fingers at 30 frames a second."""

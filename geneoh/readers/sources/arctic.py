@@ -31,7 +31,8 @@ from geneoh.readers import base, builders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import frame_number, read_array, read_json, read_record
 from geneoh.readers.meshes import find_mesh, part_of_mesh, read_mesh
-from geneoh.readers.records import Array, Record, Shape
+from geneoh.readers.nested_lists import Shape
+from geneoh.readers.records import Array, Record
 from geneoh.readers.transforms import axis_angles, rigid_matrices, rotation_matrices
 
 TEMPLATES = Path("meta/object_vtemplates")

@@ -32,13 +32,9 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.mediapipe import refuse_image_landmarks
 from geneoh.readers.missing_keypoints import without_missing
-from geneoh.readers.npz_tracks import (
-    frames_with_shape,
-    observed_frames,
-    read_confidence,
-    read_object,
-    side_of,
-)
+from geneoh.readers.npz_hands import side_of
+from geneoh.readers.npz_objects import read_object
+from geneoh.readers.npz_tracks import frames_with_shape, observed_frames, read_confidence
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
 

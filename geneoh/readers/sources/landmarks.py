@@ -26,8 +26,8 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.landmark_tables import read_points
 from geneoh.readers.mediapipe import Landmarks, Tracks, read_results
+from geneoh.readers.npz_hands import side_of
 from geneoh.readers.npz_layouts import quoted
-from geneoh.readers.npz_tracks import side_of
 from geneoh.readers.records import Array, Record, as_record, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
