@@ -125,37 +125,59 @@ def check_hand(hand: HandTrack, name: str) -> None:
             "leave them out where they are not known"
         )
     if hand.confidence is not None:
-        sure = hand.confidence[hand.valid]
-        if not bool(((sure >= 0) & (sure <= 1)).all()):
-            raise InputError(
-                f"{name}: 'confidence' of the {hand.side} hand must be between 0 and 1, got "
-                f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
-            )
+        check_confidence(hand, hand.confidence, name)
     if hand.joints is not None:
         check_size(hand, hand.joints, name)
     if hand.joints is not None and hand.wrist is not None:
-        apart = (hand.wrist - hand.joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
-        if len(apart) and float(apart.median()) > WRIST_APART:
-            raise InputError(
-                f"{name}: 'wrist' of the {hand.side} hand must be where keypoint 0 of 'joints' is, "
-                f"got {float(apart.median()):.2g} m between them; give both in the same frame, or "
-                "leave the pose and its wrist out"
-            )
+        check_wrist(hand, hand.wrist, hand.joints, name)
     if hand.pose is not None:
-        angle = float(hand.pose[hand.valid].norm(dim=-1).max())
-        if angle > LARGEST_ANGLE:
-            raise InputError(
-                f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
-                f"angle of {angle:.3g}; convert degrees to radians"
-            )
-    if (ray := hand.camera_ray) is not None:
-        lengths = ray.norm(dim=-1)
-        if ray.shape != (hand.frames, 3) or not bool(((lengths - 1).abs() < UNIT_TOLERANCE).all()):
-            raise InputError(
-                f"{name}: the camera_ray of the {hand.side} hand must be {hand.frames} directions "
-                f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
-                f"{float(lengths.max()):.3g}; divide each by its length"
-            )
+        check_angles(hand, hand.pose, name)
+    if hand.camera_ray is not None:
+        check_rays(hand, hand.camera_ray, name)
+
+
+def check_confidence(hand: HandTrack, confidence: Float[Tensor, "T 21"], name: str) -> None:
+    """Refuse a confidence outside of 0 to 1 in frames with the hand."""
+    sure = confidence[hand.valid]
+    if not bool(((sure >= 0) & (sure <= 1)).all()):
+        raise InputError(
+            f"{name}: 'confidence' of the {hand.side} hand must be between 0 and 1, got "
+            f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
+        )
+
+
+def check_wrist(
+    hand: HandTrack, wrist: Float[Tensor, "T 3"], joints: Float[Tensor, "T 21 3"], name: str
+) -> None:
+    """Refuse a wrist that is not where the first keypoint is."""
+    apart = (wrist - joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
+    if len(apart) and float(apart.median()) > WRIST_APART:
+        raise InputError(
+            f"{name}: 'wrist' of the {hand.side} hand must be where keypoint 0 of 'joints' is, "
+            f"got {float(apart.median()):.2g} m between them; give both in the same frame, or "
+            "leave the pose and its wrist out"
+        )
+
+
+def check_angles(hand: HandTrack, pose: Float[Tensor, "T 16 3"], name: str) -> None:
+    """Refuse a pose that is not in radians."""
+    angle = float(pose[hand.valid].norm(dim=-1).max())
+    if angle > LARGEST_ANGLE:
+        raise InputError(
+            f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
+            f"angle of {angle:.3g}; convert degrees to radians"
+        )
+
+
+def check_rays(hand: HandTrack, ray: Tensor, name: str) -> None:
+    """Refuse directions from the camera that are not one of length 1 for each frame."""
+    lengths = ray.norm(dim=-1)
+    if ray.shape != (hand.frames, 3) or not bool(((lengths - 1).abs() < UNIT_TOLERANCE).all()):
+        raise InputError(
+            f"{name}: the camera_ray of the {hand.side} hand must be {hand.frames} directions "
+            f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
+            f"{float(lengths.max()):.3g}; divide each by its length"
+        )
 
 
 def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> None:

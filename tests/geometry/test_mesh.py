@@ -1,15 +1,11 @@
 import pytest
 import torch
 import trimesh
+from watertight import volume
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning
 from geneoh.geometry.mesh_files import from_trimesh
-
-
-def volume(mesh: Mesh) -> float:
-    a, b, c = mesh.corners().double().unbind(-2)
-    return float((a * torch.linalg.cross(b, c)).sum() / 6)
 
 
 @pytest.fixture

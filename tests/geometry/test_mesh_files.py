@@ -4,16 +4,10 @@ import sys
 import pytest
 import torch
 import trimesh
-from watertight import is_watertight
+from watertight import is_watertight, volume
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import by_trimesh, from_trimesh, load_mesh, plain_obj
-
-
-def volume(mesh: Mesh) -> float:
-    a, b, c = mesh.corners().double().unbind(-2)
-    return float((a * torch.linalg.cross(b, c)).sum() / 6)
 
 
 @pytest.fixture

@@ -3,16 +3,11 @@ import pytest
 import torch
 import trimesh
 from scipy.sparse.csgraph import connected_components
-from watertight import is_watertight
+from watertight import is_watertight, volume
 
 from geneoh.geometry.mesh import Mesh, welded
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.openings import connected, open_edges, thickened
-
-
-def volume(mesh: Mesh) -> float:
-    a, b, c = mesh.corners().double().unbind(-2)
-    return float((a * torch.linalg.cross(b, c)).sum() / 6)
 
 
 @pytest.fixture
