@@ -121,13 +121,13 @@ def keep_other_reports(folder: Path) -> None:
 def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
     """Write scores.csv, evaluation.json, report.md and report.html; returns their paths."""
     markdown = "\n".join(as_report(evaluation)) + "\n"
-    texts = (_as_csv(evaluation), _as_json(evaluation), markdown, as_page(evaluation))
+    texts = (scores_as_csv(evaluation), report_as_json(evaluation), markdown, as_page(evaluation))
     for name, text in zip(REPORT_FILES, texts, strict=True):
         write_whole(folder / name, text)
     return [folder / name for name in REPORT_FILES]
 
 
-def _as_csv(evaluation: Evaluation) -> str:
+def scores_as_csv(evaluation: Evaluation) -> str:
     """A line for each score: its case and method, all measures, seconds, and why it failed."""
     keys = [measure.key for measure in MEASURES]
     rows: list[list[Any]] = [
@@ -139,7 +139,7 @@ def _as_csv(evaluation: Evaluation) -> str:
     return csv_text(rows)
 
 
-def _as_json(evaluation: Evaluation) -> str:
+def report_as_json(evaluation: Evaluation) -> str:
     """Everything that is needed to repeat the evaluation, every table and every score."""
     whole = {
         "command": evaluation.command,

@@ -242,7 +242,7 @@ def test_an_evaluation_goes_on_and_says_so(tmp_path):
     again = evaluate(replace(SMALL, methods=("input",)), tmp_path)
     assert again.scores == first.scores[:1]
     assert (first.reused, again.reused) == (0, 1)
-    for name in ("as_csv", "as_json", "as_page"):
+    for name in ("scores_as_csv", "report_as_json", "as_page"):
         written = getattr(report, name)
         assert written(replace(first, reused=3)) == written(first)  # as if it had never stopped
 
