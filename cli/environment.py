@@ -78,7 +78,7 @@ def networks(folder: Path) -> dict[str, Any]:
     return found
 
 
-def summary(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def facts_as_text(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """The facts as lines of text that fit on one screen."""
     versions = {name: said or "not installed" for name, said in found["versions"].items()}
     yield f"python {versions.pop('python')} on {versions.pop('system')}"

@@ -115,7 +115,7 @@ OF_SCORES = (
 """Parameters that mean something only where geneoh is scored, and only where anything is."""
 
 
-def refuse_unused(asked: dict[str, Any], inputs: Path | None) -> None:
+def refuse_ignored(asked: dict[str, Any], inputs: Path | None) -> None:
     """Refuse a data set of generators alone and, by name, options that would be ignored."""
     if (dataset := asked["dataset"]) not in DATASETS:
         raise ConfigError(
@@ -186,7 +186,11 @@ def score_generator(ctx: click.Context) -> None:
     from functools import partial
 
     from geneoh.config import configured
-    from geneoh.evaluation.generation.report import as_text, keep_other_reports, write_report
+    from geneoh.evaluation.generation.report import (
+        generation_as_text,
+        keep_other_generation_reports,
+        write_generation_report,
+    )
     from geneoh.evaluation.generation.runner import GenerationOptions, evaluate_generator
     from geneoh.evaluation.gestures.runner import GestureOptions, evaluate_gestures
     from geneoh.workers.pool import cores
@@ -206,13 +210,13 @@ def score_generator(ctx: click.Context) -> None:
         scored = configured(actions, settings=settings)
         evaluate = partial(evaluate_generator, scored, jobs=asked["jobs"] or cores())
     folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
-    keep_other_reports(folder)
+    keep_other_generation_reports(folder)
     command = command_line(ctx)
     with progress.progress_bars() as on_progress:
         made = evaluate(folder, command=command, on_progress=on_progress)
-    for line in [*as_text(made), *(f"note: {remark}" for remark in made.remarks())]:
+    for line in [*generation_as_text(made), *(f"note: {remark}" for remark in made.remarks())]:
         click.echo(line)
-    click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")
+    click.echo(f"wrote {', '.join(str(path) for path in write_generation_report(made, folder))}")
 
 
 def check_parameters(ctx: click.Context) -> None:

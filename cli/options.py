@@ -36,14 +36,14 @@ def on_command_line() -> dict[str, str]:
     """
     context = click.get_current_context()
     return {
-        parameter.name: shown(parameter)
+        parameter.name: _shown(parameter)
         for parameter in context.command.params
         if parameter.name
         and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
     }
 
 
-def shown(parameter: click.Parameter) -> str:
+def _shown(parameter: click.Parameter) -> str:
     """A parameter as the help names it, an option by its long name."""
     if isinstance(parameter, click.Argument):
         return parameter.human_readable_name
@@ -98,7 +98,7 @@ class Place(click.ParamType):
     def convert(self, value: Any, param: Any, ctx: Any) -> tuple[float, ...]:
         """Three numbers."""
         from geneoh.errors import InputError
-        from geneoh.readers.records import place_in
+        from geneoh.readers.places import place_in
 
         try:
             return place_in(value)

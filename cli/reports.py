@@ -26,7 +26,7 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
     )
     for side, hand in result.hands.items():
         spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in hand.seconds.items())
-        yield f"{side} hand: {numbered(hand.windows, 'window')}, {drawn(hand)}; {spent}"
+        yield f"{side} hand: {numbered(hand.windows, 'window')}, {_drawn(hand)}; {spent}"
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
         yield f"  keypoints moved by {1000 * hand.moved:.1f} mm on average"
@@ -49,11 +49,11 @@ def generated(made: "Generated", output: Path) -> Iterator[str]:
     hands = " and ".join(hand.side for hand in sequence.hands)
     frames, seconds = numbered(sequence.frames, "frame"), sequence.frames / sequence.fps
     yield f"{prompt.verb} with the {hands} hand: {frames}, {seconds:.1f} s"
-    yield from refined(made.refined)
+    yield from mended_hands(made.refined)
     yield f"wrote {output}"
 
 
-def refined(result: Denoised | None) -> Iterator[str]:
+def mended_hands(result: Denoised | None) -> Iterator[str]:
     """What the cleaner says of the hands of a generator, where it mended them."""
     for side, hand in ({} if result is None else result.hands).items():
         yield f"{side} hand:"
@@ -79,7 +79,7 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
     yield f"read {body.source}: {frames} at {body.fps:g} frames a second"
     for note in body.notes:
         yield f"note: {note}"
-    yield from refined(made.refined)
+    yield from mended_hands(made.refined)
     if (apart := 1000 * made.wrists_apart()) > NOTED:
         yield (
             f"note: the arms of the body stay: a wrist is up to {apart:.0f} mm off that of its "
@@ -89,7 +89,7 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
         yield f"wrote {output}"
 
 
-def drawn(hand: HandResult) -> str:
+def _drawn(hand: HandResult) -> str:
     """How many samples were drawn, and which became the result where there was a choice."""
     samples = numbered(len(hand.samples), "sample")
     if len(hand.samples) == 1:

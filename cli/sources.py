@@ -14,7 +14,7 @@ from . import options
 from .options import FILE, FILE_OR_FOLDER, FOLDER, Decorator, flag, option
 
 if TYPE_CHECKING:
-    from geneoh.readers.convert import Outcome
+    from geneoh.readers.convert import ConversionOutcome
     from geneoh.sequence.sequence import Sequence
 
 reader_options = options.together(
@@ -65,7 +65,9 @@ NEEDS_SOURCE = (*OF_SOURCES, "clip")
 """Of these and --clip, the ones that mean nothing for an npz that is read without --from."""
 
 
-def read(path: Path, source: str | None, *, mano: Path | None, **others: Any) -> "Sequence":
+def read_sequence(
+    path: Path, source: str | None, *, mano: Path | None, **others: Any
+) -> "Sequence":
     """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
 
@@ -83,13 +85,13 @@ def beside(noisy: Path) -> Path:
     return named.with_name(f"{named.stem}_clean.npz")
 
 
-def table() -> str:
+def table_of_sources() -> str:
     """The sources with what they hold, their licence and where to get them."""
     rows = [f"{s.name}: {s.title}, {s.holds}. {s.licence}; {s.where}" for s in SOURCES.values()]
     return "\b\nSOURCE is one of:\n" + "\n".join(f"  {row}" for row in rows)
 
 
-def lines(outcome: "Outcome") -> Iterator[str]:
+def lines(outcome: "ConversionOutcome") -> Iterator[str]:
     """What became of one clip; nothing for a clip that was converted before."""
     name = outcome.clip.name
     if outcome.problem is not None:
@@ -101,7 +103,7 @@ def lines(outcome: "Outcome") -> Iterator[str]:
         yield f"{name}: {', '.join(outcome.notes)}"
 
 
-def summary(outcomes: "list[Outcome]", folder: Path | None) -> str:
+def conversion_summary(outcomes: "list[ConversionOutcome]", folder: Path | None) -> str:
     """How many clips were read, and how many sequences were written."""
     skipped = sum(outcome.skipped for outcome in outcomes)
     failed = sum(outcome.failed for outcome in outcomes)

@@ -15,7 +15,7 @@ import numpy as np
 
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, numbered
-from geneoh.geometry.mesh import meshes_of
+from geneoh.geometry.mesh_files import meshes_of
 from geneoh.pipeline.first_look import SECONDS
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.stream import CleanFrame, Stream
@@ -38,7 +38,7 @@ DECIMALS = 6
 Fields = dict[str, Any]
 
 
-def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> None:
+def clean_stream(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> None:
     """`geneoh denoise --stream` with the options of the command.
 
     Raises:
@@ -85,10 +85,10 @@ def clean_frames(
     """
     streams: dict[Side, Stream] = {}
     poses: deque[Fields] = deque()
-    packed, frames = frames_in(source)
+    packed, frames = _frames_in(source)
 
     def write(frames: dict[Side, CleanFrame]) -> None:
-        fields = fields_of(frames, poses.popleft())
+        fields = _fields_of(frames, poses.popleft())
         if packed:
             msgpack.pack(fields, sink)
         else:
@@ -127,7 +127,7 @@ POSE_FIELDS = ("object_rotation", "object_translation", "obj_pose")
 """The object's pose in a line: the first two, or the third."""
 
 
-def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
+def _frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
     """Whether frames come as msgpack, and their fields with what messages call each of them."""
     first = source.read(1)
     packed = bool(first) and first[0] in MSGPACK_MAPS
@@ -283,7 +283,7 @@ def pose_in(fields: Fields, where: str) -> Any:
     return rotation, translation
 
 
-def fields_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
+def _fields_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
     """The fields of one clean frame: its hands, null where one is lost, and the pose as it came."""
     found: Fields = {"frame": next(iter(frames.values())).index}
     for side, frame in frames.items():

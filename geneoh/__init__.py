@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from geneoh.generators.text2hoi.generate import GenerateOptions as GenerateOptions
     from geneoh.generators.text2hoi.generate import generate as generate
     from geneoh.geometry.mesh import Mesh as Mesh
-    from geneoh.geometry.mesh import load_mesh as load_mesh
+    from geneoh.geometry.mesh_files import load_mesh as load_mesh
     from geneoh.pipeline.denoise import denoise as denoise
     from geneoh.pipeline.options import Options as Options
     from geneoh.pipeline.results import Denoised as Denoised
@@ -55,7 +55,8 @@ _MODULES = {
     "evaluation.runner": ("evaluate",),
     "generators.both2hands.on_body": ("BodyOptions", "BodyWithHands", "generate_on_body"),
     "generators.text2hoi.generate": ("GenerateOptions", "Generated", "generate"),
-    "geometry.mesh": ("Mesh", "load_mesh"),
+    "geometry.mesh": ("Mesh",),
+    "geometry.mesh_files": ("load_mesh",),
     "pipeline.denoise": ("denoise",),
     "pipeline.options": ("Options",),
     "pipeline.results": ("Denoised", "save"),

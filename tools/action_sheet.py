@@ -24,7 +24,7 @@ from geneoh.synthesis.actions import FPS, VERBS, Actions
 from geneoh.viz.camera import Camera, axes_towards
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
 from geneoh.viz.picture import Picture
-from geneoh.viz.scene import PosedTrack, Scene, Version, with_parts
+from geneoh.viz.scene import PosedTrack, Scene, Version, with_parts_behind
 
 FRAMES = 6  # of a clip, the first and the last among them
 CELL = 230  # side of one picture, pixels
@@ -77,7 +77,7 @@ def action_scene(clip: Actions) -> Scene:
 def on_table(scene: Scene) -> Scene:
     """The same scene with lines on the table."""
     lines = ObjectTrack.resting((table(),), scene.frames)
-    return replace(scene, object=with_parts(scene.object, lines))
+    return replace(scene, object=with_parts_behind(scene.object, lines))
 
 
 def posed_track(clip: Actions, posed: PosedActions, side: int) -> PosedTrack:

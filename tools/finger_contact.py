@@ -103,7 +103,7 @@ def constants(every: list[Contacts]) -> tuple[float, float, float]:
     touching = torch.cat([each.touching for each in every]).double()
 
     def surprise(tried: tuple[float, float, float]) -> float:
-        probable = touch.touching(found, spread, *tried).double()
+        probable = touch.finger_touch(found, spread, *tried).double()
         return float(torch.nn.functional.binary_cross_entropy(probable, touching))
 
     share, least, nearer = minimize(surprise, START, method="Nelder-Mead").x

@@ -17,8 +17,8 @@ import torch
 from PIL import Image
 
 from geneoh.generators.text2hoi.generate import Generated, GenerateOptions, generate
-from geneoh.geometry.mesh import load_mesh
-from geneoh.metrics.realism import SurfaceMotion, moved_alone
+from geneoh.geometry.mesh_files import load_mesh
+from geneoh.metrics.realism import SurfacePoints, moved_alone
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas
 from geneoh.viz.scene import Scene, make_scene
@@ -64,7 +64,7 @@ def measured(row: Row, scene: Scene) -> str:
     motion = sequence.object
     verts = motion.meshes[0].verts[:: max(1, len(motion.meshes[0].verts) // 2048)]
     points = verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]
-    surface = SurfaceMotion(
+    surface = SurfacePoints(
         points[None], torch.zeros_like(points)[None], torch.tensor([sequence.frames])
     )
     joints = torch.cat([hand.joints for hand in hands], 1)[None]

@@ -11,7 +11,8 @@ import igl
 import numpy as np
 import torch
 
-from geneoh.geometry.mesh import Mesh, load_mesh, tidied, welded
+from geneoh.geometry.mesh import Mesh, tidied, welded
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.geometry.solid import as_arrays
 
 FACES = 1500

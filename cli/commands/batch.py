@@ -47,17 +47,17 @@ def batch(
     is left. It keeps journal.jsonl, and at the end writes summary.csv and summary.html, with what
     changed most first. Exit code 2 says that some clips failed.
     """
-    from geneoh.batch.cleaning import Batch
-    from geneoh.batch.clips import find_clips
+    from geneoh.batch.cleaning import BatchOptions
+    from geneoh.batch.clips import find_batch_clips
     from geneoh.batch.run import clean_batch
     from geneoh.workers.pool import cores
 
     settings = options.cleaner(mano, chosen)
-    clips = find_clips(inputs, source, folder, obj)
+    clips = find_batch_clips(inputs, source, folder, obj)
     if all(clip.source is None for clip in clips):
         options.refuse(sources.NEEDS_SOURCE, "needs --from SOURCE, got none")
     with progress.progress_bars() as on_progress:
-        wanted = Batch(folder, settings, chosen)
+        wanted = BatchOptions(folder, settings, chosen)
         made = clean_batch(clips, wanted, jobs=jobs or cores(), ray=ray, on_progress=on_progress)
     for outcome in made.failed[:TOLD]:
         click.echo(f"{outcome.clip}: failed, {outcome.failed}", err=True)

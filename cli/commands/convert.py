@@ -11,7 +11,7 @@ from geneoh.readers.registry import SOURCES
 from .. import options, progress, sources
 
 
-@click.command(epilog=sources.table())
+@click.command(epilog=sources.table_of_sources())
 @click.argument("source", type=Choice(list(SOURCES)), metavar="SOURCE")
 @click.argument(
     "paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PATH..."
@@ -59,6 +59,6 @@ def convert(
             for line in sources.lines(outcome):
                 click.echo(line)
             on_progress("clips", len(outcomes), len(clips))
-    click.echo(sources.summary(outcomes, folder))
+    click.echo(sources.conversion_summary(outcomes, folder))
     if any(outcome.failed for outcome in outcomes):
         raise click.exceptions.Exit(2)

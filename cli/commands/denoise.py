@@ -49,9 +49,9 @@ def denoise(
     With --stream there is no NOISY: a tracker is piped through, frame by frame.
     """
     if stream:
-        from ..streaming import run
+        from ..streaming import clean_stream
 
-        return run(obj, mano, {**chosen, "lag": lag})
+        return clean_stream(obj, mano, {**chosen, "lag": lag})
     if lag is not None:
         raise click.UsageError("--lag is the lag of --stream; give both, or neither")
     if noisy is None:
@@ -71,7 +71,7 @@ def denoise(
     from .. import reports
 
     settings = options.cleaner(mano, chosen)
-    sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
+    sequence = sources.read_sequence(noisy, obj=obj, mano=mano, **chosen)
     if report is not None:
         from geneoh.viz.scene import refuse_lost_meshes
 
@@ -82,7 +82,7 @@ def denoise(
     for line in reports.denoised(sequence, result, output):
         click.echo(line)
     if report is not None:
-        from geneoh.viz.view import write_report
+        from geneoh.viz.view import write_page
 
-        write_report(sequence, result, report, title=noisy.stem, mano_dir=mano)
+        write_page(sequence, result, report, title=noisy.stem, mano_dir=mano)
         click.echo(f"wrote {report}")

@@ -37,7 +37,7 @@ def eval(
 
     if (asked.pop("generator"), asked.pop("refine"))[0] is not None:
         return evaluations.score_generator(ctx)
-    evaluations.refuse_unused(asked, inputs)
+    evaluations.refuse_ignored(asked, inputs)
     how = {name: asked.pop(name) for name in ("fresh", "pages")}
     chosen = evaluations.evaluation_options(**asked)
     if inputs is not None:

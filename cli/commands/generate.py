@@ -115,7 +115,7 @@ def generate(
 
     from geneoh.generators.sentences import prompt_text
     from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
-    from geneoh.geometry.mesh import meshes_of
+    from geneoh.geometry.mesh_files import meshes_of
 
     from .. import reports
 

@@ -23,5 +23,5 @@ def info(mano: Path | None, as_json: bool) -> None:
     if as_json:
         click.echo(json_text(found, indent=2))
         return
-    for line in environment.summary(found):
+    for line in environment.facts_as_text(found):
         click.echo(line)

@@ -99,8 +99,8 @@ def train(
     if seed is not None:
         chosen["settings"] = (*chosen["settings"], f"seed={seed}")
     asked = Asked(config or ("finetune" if chosen["start"] else stage), **chosen)
-    others = generator_task if stage in GENERATOR_STAGES else cleaner_task
-    make = body_task if stage in BODY_STAGES else others
+    others = _generator_task if stage in GENERATOR_STAGES else cleaner_task
+    make = _body_task if stage in BODY_STAGES else others
     with joined(named_device(device)) as (team, place):
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
@@ -159,14 +159,14 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.training.start import started_from
 
     stage, folder, start = asked.stage, asked.folder, asked.start
-    refuse_unused(stage, "text_encoder", "skeleton")
+    _refuse_unused(stage, "text_encoder", "skeleton")
     chosen, weights = stage_config(TrainConfig(), stage, *asked.configuration()), None
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
     sources = [parsed_source(text) for text in asked.sources or ("runs/data",)]
     readers = ReaderOptions(mano_dir=asked.mano)
     if not any(one.source for one in sources):
-        refuse_unused(f"{stage} and made interactions", "mano")
+        _refuse_unused(f"{stage} and made interactions", "mano")
         refuse_settings("clips", asked.settings, "recordings")
     if all(one.source for one in sources):
         refuse_settings("synthesis", asked.settings, "made interactions")
@@ -177,7 +177,7 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     return task, weights, data.notes
 
 
-def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     """A network of the generator to learn, the weights to start from, and words on its data."""
     from geneoh.generators.text2hoi.library import SHIPPED
     from geneoh.generators.text2hoi.stages import Learned
@@ -188,19 +188,19 @@ def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
     stage = asked.stage
     # pieces of words are learned anew, and weights mean nothing with other pieces
-    refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
+    _refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
     if stage == "text":
-        refuse_unused(stage, "sources", "text_encoder", "mano")
+        _refuse_unused(stage, "sources", "text_encoder", "mano")
     data = parsed_source(asked.only_source(ACTIONS))
     if not data.source:
-        refuse_unused(f"{stage} and made actions", "mano")
+        _refuse_unused(f"{stage} and made actions", "mano")
     readers = ReaderOptions(mano_dir=asked.mano)
     learned = Learned(data, asked.folder, asked.text_encoder, readers)
     task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
     return task, weights_for(task, weights_to_start_from(asked, SHIPPED)), notes
 
 
-def body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+def _body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     """A network of the generator of hands for a body to learn, its first weights, and words."""
     from geneoh.generators.both2hands.library import SHIPPED
     from geneoh.generators.both2hands.stages import LearnedBodies
@@ -209,10 +209,10 @@ def body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.training.start import weights_for
 
     stage = asked.stage
-    refuse_unused(stage, "mano", *(["text_encoder"] if stage == "body_hands" else []))
+    _refuse_unused(stage, "mano", *(["text_encoder"] if stage == "body_hands" else []))
     data = parsed_source(asked.only_source(BODIES), BODY_SOURCES)
     if not data.source:
-        refuse_unused(f"{stage} and made bodies", "skeleton")
+        _refuse_unused(f"{stage} and made bodies", "skeleton")
     start = weights_to_start_from(asked, SHIPPED)
     learned = LearnedBodies(data, asked.folder, asked.text_encoder, asked.skeleton, start)
     task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
@@ -225,7 +225,7 @@ def weights_to_start_from(asked: Asked, shipped: Path) -> Path | None:
     return folder and folder / f"{asked.stage}.safetensors"
 
 
-def refuse_unused(stage: Any, *names: str) -> None:
+def _refuse_unused(stage: Any, *names: str) -> None:
     """Refuse options that are given and of which a stage makes no use."""
     for name, option in options.on_command_line().items():
         if name in names:

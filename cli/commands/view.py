@@ -68,7 +68,7 @@ def view(
     from geneoh.viz.view import open_scene
 
     outputs = outputs or (files[0].with_suffix(".html"),)
-    refuse_unused(outputs, serve=serve)
+    _refuse_unused(outputs, serve=serve)
     if "mano" in options.on_command_line():
         refuse_without_mano(chosen["mano"])
     if not serve:  # which finds meshes by name
@@ -109,7 +109,7 @@ def view(
         click.echo(f"wrote {written}")
 
 
-def refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
+def _refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
     """Refuse, by name, options that would be ignored."""
     if serve:
         shown = ("outputs", "overwrite", "colouring", "frames", "cell")

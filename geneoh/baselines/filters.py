@@ -163,7 +163,7 @@ def best_filtered(
     hand: HandTrack, truth: Float[Tensor, "T 21 3"], domain: Domain, fps: float
 ) -> Float[Tensor, "T 21 3"]:
     """Keypoints of the filter and size of `GRID` whose result is nearest to the ground truth."""
-    return nearest(tried(hand, domain, fps), truth)
+    return _nearest(tried(hand, domain, fps), truth)
 
 
 def best_filtered_and_moved(
@@ -171,7 +171,7 @@ def best_filtered_and_moved(
 ) -> Float[Tensor, "T 21 3"]:
     """The same of all domains, each result moved by the one offset that brings it nearest."""
     made = (joints for domain in domains_of(hand) for joints in tried(hand, domain, fps))
-    return nearest((joints + best_offset(joints, truth) for joints in made), truth)
+    return _nearest((joints + best_offset(joints, truth) for joints in made), truth)
 
 
 def tried(hand: HandTrack, domain: Domain, fps: float) -> Iterator[Float[Tensor, "T 21 3"]]:
@@ -179,7 +179,7 @@ def tried(hand: HandTrack, domain: Domain, fps: float) -> Iterator[Float[Tensor,
     return (filtered(hand, chosen, domain, fps) for sizes in GRID.values() for chosen in sizes)
 
 
-def nearest(
+def _nearest(
     made: Iterable[Float[Tensor, "T 21 3"]], truth: Float[Tensor, "T 21 3"]
 ) -> Float[Tensor, "T 21 3"]:
     """Those keypoints that have the least mean distance to the ground truth."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from geneoh.batch.clips import FOR_NPZ, Clip
+from geneoh.batch.clips import FOR_NPZ, BatchClip
 from geneoh.errors import CheckpointError, GeneOHError
 from geneoh.files.atomic import make_folder
 from geneoh.files.fingerprints import fingerprint
@@ -25,7 +25,7 @@ LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Batch:
+class BatchOptions:
     """What is asked for every clip."""
 
     folder: Path  # of the results
@@ -34,7 +34,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CleaningOutcome:
     """What became of a clip."""
 
     clip: str
@@ -46,7 +46,7 @@ class Outcome:
     hands: list[dict[str, Any]] = field(default_factory=list)  # a summary of each clean hand
 
 
-def clean_clip(clip: Clip, batch: Batch) -> Outcome:
+def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
     """Clean a clip and write its results; a clip that cannot be cleaned fails in a sentence.
 
     Raises:
@@ -60,20 +60,22 @@ def clean_clip(clip: Clip, batch: Batch) -> Outcome:
             asked = {**batch.reading, **clip.reading}.values()
             read = [each for each in asked if isinstance(each, Path) and each.is_file()]
             inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
-            made = list(cleaned(clip, batch))
+            made = list(_cleaned(clip, batch))
         except CheckpointError:
             raise
         except GeneOHError as error:
-            return Outcome(clip.name, str(error))
+            return CleaningOutcome(clip.name, str(error))
         except Exception as error:  # a defect of ours on one clip is no reason to stop the others
             LOG.debug("%s", clip.path, exc_info=True)
-            return Outcome(clip.name, f"{clip.path}: unexpected {type(error).__name__}: {error}")
+            return CleaningOutcome(
+                clip.name, f"{clip.path}: unexpected {type(error).__name__}: {error}"
+            )
     for _, result in made:
         meshes = [mesh.source for mesh in result.sequence.object.meshes if mesh.source is not None]
         inputs |= {str(mesh): fingerprint(mesh) for mesh in meshes if mesh.is_file()}
     files = {name: written(result, batch.folder / name) for name, result in made}
-    hands = [row for name, result in made for row in rows_of(name, result)]
-    return Outcome(clip.name, "", inputs, files, hands)
+    hands = [row for name, result in made for row in _rows_of(name, result)]
+    return CleaningOutcome(clip.name, "", inputs, files, hands)
 
 
 @contextmanager
@@ -88,7 +90,7 @@ def told_in_results() -> Iterator[None]:
         log.setLevel(before)
 
 
-def cleaned(clip: Clip, batch: Batch) -> Iterator[tuple[str, Denoised]]:
+def _cleaned(clip: BatchClip, batch: BatchOptions) -> Iterator[tuple[str, Denoised]]:
     """Each clean recording of a clip with the name of its file."""
     options = with_settings(batch.options, clip.settings)
     for name, sequence in sequences_of(clip, batch.reading, options.mano_dir):
@@ -99,7 +101,7 @@ def cleaned(clip: Clip, batch: Batch) -> Iterator[tuple[str, Denoised]]:
 
 
 def sequences_of(
-    clip: Clip, reading: dict[str, Any], mano_dir: Path | None
+    clip: BatchClip, reading: dict[str, Any], mano_dir: Path | None
 ) -> list[tuple[str, Sequence]]:
     """The recordings of a clip with their names; most have one."""
     given = {**reading, **clip.reading}
@@ -122,7 +124,7 @@ def written(result: Denoised, place: Path) -> str:
     return fingerprint(place)
 
 
-def rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
+def _rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
     """A summary of each hand of a result, as JSON can hold it."""
     for side, hand in result.hands.items():
         yield {

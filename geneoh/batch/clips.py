@@ -25,9 +25,9 @@ from geneoh.files.reading import open_text, separator_of
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
+from geneoh.readers.places import place_in
 from geneoh.readers.recordings import find_clips as find_source_clips
 from geneoh.readers.recordings import source_named, with_distinct_names
-from geneoh.readers.records import place_in
 
 LOG = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ PATHS = ("object_pose", "objects", "body", "weights", "mano_dir")
 
 
 @dataclass(frozen=True)
-class Clip:
+class BatchClip:
     """One input, and what is asked for it beyond what is asked for the whole batch."""
 
     name: str  # of its result, below the folder of results and without ending; unique in a batch
@@ -62,9 +62,9 @@ class Clip:
         return plain
 
 
-def find_clips(
+def find_batch_clips(
     inputs: Iterable[Path], source: str | None, folder: Path, meshes: tuple[Path, ...] = ()
-) -> list[Clip]:
+) -> list[BatchClip]:
     """Every clip of the inputs.
 
     Args:
@@ -84,31 +84,31 @@ def find_clips(
         if source is None and is_manifest(path):
             found += clips_of_manifest(path, folder)
         else:
-            found += clips_of(path, source, folder)
+            found += _clips_of(path, source, folder)
     if not found:
         raise InputError(f"{', '.join(map(str, inputs))}: lists no clip; add lines to the manifest")
     clips = [
         replace(
             clip, meshes=clip.meshes or meshes or (() if clip.source else mesh_beside(clip.path))
         )
-        for clip in distinct(found)
+        for clip in _distinct(found)
     ]
-    check_places(clips, folder)
+    _check_places(clips, folder)
     return clips
 
 
-def distinct(found: list[Clip]) -> list[Clip]:
+def _distinct(found: list[BatchClip]) -> list[BatchClip]:
     """What there is to do, once each, under the names that manifests say, or else distinct ones."""
     resolved = cache(Path.resolve)  # most clips share a folder
 
-    def work_of(clip: Clip) -> str:
+    def work_of(clip: BatchClip) -> str:
         """What a clip is to do, alike for all ways to write the path of its file."""
         path = resolved(clip.path.parent) / clip.path.name
         return repr(replace(clip, name="", path=path, is_named=False))
 
     works = list(map(work_of, found))
     told = {work for clip, work in zip(found, works, strict=True) if clip.is_named}
-    once: dict[tuple[str, str], Clip] = {}
+    once: dict[tuple[str, str], BatchClip] = {}
     for clip, work in zip(found, works, strict=True):
         if clip.is_named or work not in told:
             once.setdefault((clip.name if clip.is_named else "", work), clip)
@@ -132,11 +132,11 @@ def expanded(path: Path) -> list[Path]:
     return found
 
 
-def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
+def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
     """The clips at or below one path; `InputError` where there is none."""
     if source is not None:
         clips = find_source_clips(source_named(source), [path], folder)
-        return [Clip(clip.name, clip.path, source) for clip in clips]
+        return [BatchClip(clip.name, clip.path, source) for clip in clips]
     if path.is_dir():
         below = [each for each in sorted(path.rglob("*.npz")) if each.is_file()]
         runs = {each.parent for each in path.rglob(CLEANED) if is_journal(each)} - {path}
@@ -154,10 +154,12 @@ def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
                 f"{path}: expected npz files at or below it, found none; name the source of other "
                 "files with --from, or list them in a manifest"
             )
-        return [Clip(each.relative_to(path).with_suffix("").as_posix(), each) for each in found]
+        return [
+            BatchClip(each.relative_to(path).with_suffix("").as_posix(), each) for each in found
+        ]
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
-    return [Clip(path.stem, path)]
+    return [BatchClip(path.stem, path)]
 
 
 def is_manifest(path: Path) -> bool:
@@ -195,7 +197,7 @@ def columns_of(rows: Iterator[list[str]], path: Path) -> list[str]:
     return names
 
 
-def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
+def clips_of_manifest(path: Path, folder: Path) -> Iterator[BatchClip]:
     """The clips of all rows; one whose files are not there keeps the reason as its problem."""
     with open_text(path, MANIFEST_LIMIT) as file:
         heading = file.readline()
@@ -221,7 +223,9 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
             yield from clips_of_row(cells, where, path.parent, folder)
 
 
-def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) -> Iterator[Clip]:
+def clips_of_row(
+    cells: dict[str, str], where: str, base: Path, folder: Path
+) -> Iterator[BatchClip]:
     """The clip, or the clips of a source, that one row of a manifest names."""
     path, name = base / cells["input"].strip(), cells["name"]
     if name and (name.endswith("/") or not Path(name).name or "\0" in name):
@@ -237,9 +241,9 @@ def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) ->
             "'source', or drop it"
         )
     try:
-        clips = clips_of(path, source, folder)
+        clips = _clips_of(path, source, folder)
     except InputError as error:
-        clips = [Clip(path.stem, path, source, problem=str(error))]
+        clips = [BatchClip(path.stem, path, source, problem=str(error))]
     if name and len(clips) > 1:
         raise InputError(f"{where}: 'name' is for one clip, got {len(clips)}; leave it empty")
     for clip in clips:
@@ -275,7 +279,7 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
     return settings, reading
 
 
-def check_places(clips: list[Clip], folder: Path) -> None:
+def _check_places(clips: list[BatchClip], folder: Path) -> None:
     """Refuse results outside of their folder, and results that would replace an input."""
     inputs = {clip.path.resolve() for clip in clips}
     for clip in clips:

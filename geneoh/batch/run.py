@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from geneoh.batch.cleaning import Batch, Outcome, clean_clip
-from geneoh.batch.clips import Clip
+from geneoh.batch.cleaning import BatchOptions, CleaningOutcome, clean_clip
+from geneoh.batch.clips import BatchClip
 from geneoh.batch.summary import SUMMARY_FILES, write_summary
 from geneoh.config import as_dict, setting_differences
 from geneoh.denoisers.library import all_weights
@@ -37,18 +37,18 @@ from geneoh.workers.pool import results_of
 class Cleaned:
     """What became of all clips of a batch."""
 
-    outcomes: tuple[Outcome, ...]  # of each clip, in the order of the clips
+    outcomes: tuple[CleaningOutcome, ...]  # of each clip, in the order of the clips
     before: int  # how many of them were done by an earlier run
 
     @property
-    def failed(self) -> list[Outcome]:
+    def failed(self) -> list[CleaningOutcome]:
         """The clips without a result."""
         return [outcome for outcome in self.outcomes if outcome.failed]
 
 
 def clean_batch(
-    clips: list[Clip],
-    batch: Batch,
+    clips: list[BatchClip],
+    batch: BatchOptions,
     *,
     jobs: int = 1,
     ray: str | None = None,
@@ -64,9 +64,9 @@ def clean_batch(
         InputError: another run works in the folder, or it cannot be written to.
     """
     batch.options.resolved()
-    path, settings = batch.folder / CLEANED, settings_of(batch)
+    path, settings = batch.folder / CLEANED, _settings_of(batch)
     with only_run_in(batch.folder):
-        records = records_before(clips, batch, settings)
+        records = _records_before(clips, batch, settings)
         begin_journal(path, [settings, *records.values()])
         left = [clip for clip in clips if records[clip.name]["state"] == "left"]
         before = done = len(clips) - len(left)
@@ -83,21 +83,23 @@ def clean_batch(
     return Cleaned(outcomes, before)
 
 
-def outcomes_of(left: list[Clip], batch: Batch, jobs: int, ray: str | None) -> Iterator[Outcome]:
+def outcomes_of(
+    left: list[BatchClip], batch: BatchOptions, jobs: int, ray: str | None
+) -> Iterator[CleaningOutcome]:
     """Clean some clips, in the order in which they are ready."""
     clean = partial(clean_clip, batch=batch)
     if ray is not None and left:
-        return on_cluster(left, clean, address=ray, lost=lost)
-    return results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=lost)
+        return on_cluster(left, clean, address=ray, lost=_lost)
+    return results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=_lost)
 
 
-def lost(clip: Clip, why: str) -> Outcome:
+def _lost(clip: BatchClip, why: str) -> CleaningOutcome:
     """The outcome of a clip that killed its workers."""
-    return Outcome(clip.name, f"{clip.path}: {why}")
+    return CleaningOutcome(clip.name, f"{clip.path}: {why}")
 
 
-def records_before(
-    clips: list[Clip], batch: Batch, settings: dict[str, Any]
+def _records_before(
+    clips: list[BatchClip], batch: BatchOptions, settings: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
     path = batch.folder / CLEANED
@@ -112,13 +114,13 @@ def records_before(
     for clip in clips:
         asked = clip.described()
         record = known.pop(clip.name, {})
-        if not is_done(record, asked, batch.folder):
+        if not _is_done(record, asked, batch.folder):
             record = {"clip": clip.name, "state": "left", "asked": asked}
         known[clip.name] = record  # in the order of the clips, behind those of other runs
     return known
 
 
-def is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
+def _is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
     """Whether a journal calls a clip done, and all its files are as they were."""
     if record.get("state") != "done" or record.get("asked") != asked:
         return False
@@ -126,19 +128,19 @@ def is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool
     return is_unchanged(known.inputs, folder) and is_unchanged(known.files, folder)
 
 
-def record_of(outcome: Outcome, asked: dict[str, Any]) -> dict[str, Any]:
+def record_of(outcome: CleaningOutcome, asked: dict[str, Any]) -> dict[str, Any]:
     """The line of a journal that says what became of a clip."""
     state = "failed" if outcome.failed else "done"
     return {"clip": outcome.clip, "state": state, "asked": asked, **asdict(outcome)}
 
 
-def outcome_in(record: dict[str, Any]) -> Outcome:
+def outcome_in(record: dict[str, Any]) -> CleaningOutcome:
     """The outcome in a line of a journal."""
-    held = Outcome(**{field.name: record[field.name] for field in fields(Outcome)})
+    held = CleaningOutcome(**{field.name: record[field.name] for field in fields(CleaningOutcome)})
     return replace(held, hands=[with_nan(hand) for hand in held.hands])
 
 
-def settings_of(batch: Batch) -> dict[str, Any]:
+def _settings_of(batch: BatchOptions) -> dict[str, Any]:
     """What the results of all clips depend on: it identifies a run."""
     return {
         "options": as_dict(batch.options),

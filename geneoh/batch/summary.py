@@ -6,7 +6,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from geneoh.batch.cleaning import Outcome
+from geneoh.batch.cleaning import CleaningOutcome
 from geneoh.errors import numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
@@ -18,14 +18,14 @@ PLAIN = ("clip", "file", "side", "frames", "filled", "moved_mm")
 MEASURES = tuple(name for name, _, _ in LINES)
 
 
-def write_summary(outcomes: Iterable[Outcome], folder: Path) -> None:
+def write_summary(outcomes: Iterable[CleaningOutcome], folder: Path) -> None:
     """Write summary.csv and summary.html, with one row for each hand of each result."""
-    rows = sorted((row for outcome in outcomes for row in rows_of(outcome)), key=rank)
-    write_whole(folder / SUMMARY_FILES[0], as_csv(rows))
-    write_whole(folder / SUMMARY_FILES[1], as_page(rows))
+    rows = sorted((row for outcome in outcomes for row in _rows_of(outcome)), key=rank)
+    write_whole(folder / SUMMARY_FILES[0], _as_csv(rows))
+    write_whole(folder / SUMMARY_FILES[1], _as_page(rows))
 
 
-def rows_of(outcome: Outcome) -> list[dict[str, Any]]:
+def _rows_of(outcome: CleaningOutcome) -> list[dict[str, Any]]:
     """A row for each hand, or the one of a clip that failed."""
     if outcome.failed:
         return [{"clip": outcome.clip, "failed": outcome.failed}]
@@ -38,7 +38,7 @@ def rank(row: dict[str, Any]) -> tuple[float, str, str]:
     return (-moved if isfinite(moved) else float("-inf"), row["clip"], row.get("side", ""))
 
 
-def as_csv(rows: list[dict[str, Any]]) -> str:
+def _as_csv(rows: list[dict[str, Any]]) -> str:
     """The rows as CSV: each measure before and after, notes, and why a clip failed."""
     both = [f"{name}_{when}" for name in MEASURES for when in ("before", "after")]
     lines: list[list[Any]] = [[*PLAIN, *both, "notes", "failed"]]
@@ -49,7 +49,7 @@ def as_csv(rows: list[dict[str, Any]]) -> str:
     return csv_text(lines)
 
 
-def as_page(rows: list[dict[str, Any]]) -> str:
+def _as_page(rows: list[dict[str, Any]]) -> str:
     """The rows as one HTML file that needs nothing else."""
     failed = [row for row in rows if "failed" in row]
     there = [row for row in rows if "failed" not in row]

@@ -66,11 +66,11 @@ def example(frames: int, triangles: int | None = None) -> Any:
     sequence = geneoh.load(folder / "taco_noisy.npz", obj=folder / "taco_object.obj")
     cycle = [*range(sequence.frames), *range(sequence.frames - 2, 0, -1)]
     sequence = sequence[torch.tensor([cycle[frame % len(cycle)] for frame in range(frames)])]
-    meshes = tuple(refined(mesh, triangles or 0) for mesh in sequence.object.meshes)
+    meshes = tuple(subdivided(mesh, triangles or 0) for mesh in sequence.object.meshes)
     return replace(sequence, object=replace(sequence.object, meshes=meshes))
 
 
-def refined(mesh: Any, triangles: int) -> Any:
+def subdivided(mesh: Any, triangles: int) -> Any:
     """The same surface in so many triangles, or in one less: they split into four or into three."""
     import numpy as np
     import torch
@@ -94,7 +94,7 @@ def refined(mesh: Any, triangles: int) -> Any:
     return geneoh.Mesh(torch.from_numpy(verts).float(), torch.from_numpy(faces))
 
 
-def cleaned(point: dict[str, Any], tell: Tell | None = None) -> Found:
+def _cleaned(point: dict[str, Any], tell: Tell | None = None) -> Found:
     """Clean one clip of a point and write it to a file."""
     import geneoh
 
@@ -147,11 +147,11 @@ def by_stage(moments: Sequence[tuple[str, Moment]], seconds: dict[str, float]) -
 
 def middle_run(point: dict[str, Any], tell: Tell) -> Found:
     """The middle one of several runs, fewer where they are long, after one that pays imports."""
-    cleaned({**point, "frames": 12, "triangles": 0, "samples": 1, "preset": "fast"})
+    _cleaned({**point, "frames": 12, "triangles": 0, "samples": 1, "preset": "fast"})
     runs: list[Found] = []
     began = time.monotonic()
     while len(runs) < REPEATS and (not runs or time.monotonic() - began < LONG):
-        runs.append(cleaned(point, tell))
+        runs.append(_cleaned(point, tell))
     runs.sort(key=lambda found: found["whole"]["processor"])
     return runs[(len(runs) - 1) // 2]
 
@@ -165,7 +165,7 @@ def many_clips(point: dict[str, Any], tell: Tell) -> Found:
 
     began, clips, total = time.monotonic(), [point] * point["clips"], Found()
     jobs = min(cores(), len(clips))
-    for done, found in enumerate(results_of(clips, cleaned, jobs=jobs, lost=lost), 1):
+    for done, found in enumerate(results_of(clips, _cleaned, jobs=jobs, lost=lost), 1):
         total = {stage: added(total.get(stage, ZERO), part) for stage, part in found.items()}
         tell("clips", done, len(clips))
     total["whole"]["seconds"] = time.monotonic() - began

@@ -91,7 +91,7 @@ def paper_networks() -> dict[str, nn.Module]:
     return {name: network.eval() for name, network in networks.items()}
 
 
-def parameters(network: nn.Module) -> int:
+def parameter_count(network: nn.Module) -> int:
     """Number of a network's parameters."""
     return sum(parameter.numel() for parameter in network.parameters())
 
@@ -112,10 +112,10 @@ def measured_networks(device: str, tell: Tell, points: int | None = None) -> Fou
         level = torch.full((count,), 0.5, device=device)
         spent = times(lambda x=x, level=level, net=networks[stage]: net(x, level), device)
         step = {name: value * (POINTS / timed if count > 1 else 1) for name, value in spent.items()}
-        size, steps = parameters(networks[stage]), STEPS[stage]
+        size, steps = parameter_count(networks[stage]), STEPS[stage]
         found[stage] = {name: steps * value for name, value in step.items()}
         if stage == "temporal":
-            size += parameters(networks["autoencoder"])
+            size += parameter_count(networks["autoencoder"])
             found[stage] = {name: value + once[name] for name, value in found[stage].items()}
         found[stage] |= {"parameters": size, "steps": steps, "step": step}
         whole |= {name: whole[name] + found[stage][name] for name in (*spent, "parameters")}

@@ -37,17 +37,15 @@ class PosedBody(Bundle):
 def pose(skeleton: Skeleton, motion: BodyMotion) -> PosedBody:
     """The joints of a skeleton that moves; batch axes broadcast."""
     offsets = skeleton.offsets[..., None, 1:, :]
-    return PosedBody(
-        *kinematics.forward_kinematics(motion.rotations, motion.root, offsets, PARENTS)
-    )
+    return PosedBody(*kinematics.tree_kinematics(motion.rotations, motion.root, offsets, PARENTS))
 
 
-def local_rotations(rotations: Float[Tensor, "*B T 52 3 3"]) -> Float[Tensor, "*B T 52 3 3"]:
+def body_local_rotations(rotations: Float[Tensor, "*B T 52 3 3"]) -> Float[Tensor, "*B T 52 3 3"]:
     """A body's rotations in the parents' frames from those in the world; inverse of `pose`."""
     return kinematics.local_rotations(rotations, PARENTS)
 
 
-def turned(motion: BodyMotion, world: Float[Tensor, "3 3"]) -> BodyMotion:
+def turned_body(motion: BodyMotion, world: Float[Tensor, "3 3"]) -> BodyMotion:
     """The same motion seen in a world that is turned: p_new = world @ p."""
     rotations = motion.rotations.clone()
     rotations[..., 0, :, :] = world @ motion.rotations[..., 0, :, :]

@@ -87,7 +87,7 @@ def load_motion(folder: Path) -> MotionDenoiser:
     return load_network(file_or_shipped("motion", folder, SHIPPED), *NETWORKS["motion"])
 
 
-def weights_of(name: str, folder: Path | None) -> Path:
+def stage_weights(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, where those of cleaning stages must be, else the shipped."""
     if folder is not None and name in CLEANING_STAGES:
         return folder / f"{name}.safetensors"
@@ -96,4 +96,4 @@ def weights_of(name: str, folder: Path | None) -> Path:
 
 def all_weights(folder: Path | None) -> list[Path]:
     """The files of weights that cleaning may read, of all stages."""
-    return [weights_of(name, folder) for name in (*CLEANING_STAGES, *PAPER_STAGES)]
+    return [stage_weights(name, folder) for name in (*CLEANING_STAGES, *PAPER_STAGES)]

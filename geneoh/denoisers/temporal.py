@@ -135,7 +135,7 @@ class TemporalDenoiser(nn.Module):
         steps = evidence.steps[:, :-1]
         # toward no motion over the surface, the observed steps, and smoother ones
         observed = (evidence.observed - evidence.joints).diff(dim=1)
-        smoother = (smoothed(steps, deviation) - steps for deviation in SMOOTHING)
+        smoother = (gaussian_means(steps, deviation) - steps for deviation in SMOOTHING)
         candidates = torch.stack([-steps, observed, *smoother], dim=-1)
         change = (candidates * mix[..., None, :]).sum(-1)
         change = change + STEP_UNIT * offset @ axes[:, None].mT
@@ -146,7 +146,9 @@ class TemporalDenoiser(nn.Module):
         return own.map(lambda values: torch.cat([values, values[:, -1:]], dim=1))
 
 
-def smoothed(values: Float[Tensor, "B T 21 3"], deviation: float) -> Float[Tensor, "B T 21 3"]:
+def gaussian_means(
+    values: Float[Tensor, "B T 21 3"], deviation: float
+) -> Float[Tensor, "B T 21 3"]:
     """Means over the frames with Gaussian weights; `deviation` is in frames."""
     time = torch.arange(values.shape[1], device=values.device)
     weight = torch.exp(-0.5 * ((time[:, None] - time) / deviation).square())

@@ -34,7 +34,8 @@ from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, check_folder
 from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
-from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
+from geneoh.fitting.fit import fit_hand, start_from_keypoints
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.pipeline.context import stage_context

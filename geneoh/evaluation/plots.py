@@ -9,7 +9,7 @@ from statistics import fmean
 from typing import Any, Literal
 
 from geneoh.evaluation.scores import MEASURES, Score
-from geneoh.evaluation.tables import Block
+from geneoh.evaluation.tables import TableBlock
 from geneoh.hand.skeleton import KEYPOINT_FINGERS
 
 EXTRA = 'pip install "geneoh[plots]"'  # installs matplotlib
@@ -31,7 +31,7 @@ def available() -> bool:
     return find_spec("matplotlib") is not None
 
 
-def bars(blocks: Sequence[Block], key: str) -> str:
+def bars(blocks: Sequence[TableBlock], key: str) -> str:
     """One measure of every method under every noise, with its interval, else its deviation."""
     methods = list(dict.fromkeys(method for block in blocks for method in block.cells))
     figure, axes = canvas(0.9 + BAR * len(methods) * len(blocks) + GAP * len(blocks))

@@ -10,7 +10,14 @@ from typing import Any
 from geneoh.evaluation import plots
 from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
-from geneoh.evaluation.tables import FEWEST, LEVEL, Block, as_markdown, blocks_of, seed_agreement
+from geneoh.evaluation.tables import (
+    FEWEST,
+    LEVEL,
+    TableBlock,
+    as_markdown,
+    blocks_of,
+    seed_agreement,
+)
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
 from geneoh.files.journal import SCORED
@@ -49,7 +56,7 @@ class Evaluation:
     the same report, so it is not in the files."""
 
     @property
-    def blocks(self) -> list[Block]:
+    def blocks(self) -> list[TableBlock]:
         """The tables, one for each noise."""
         return blocks_of(self.scores, self.methods)
 
@@ -114,13 +121,13 @@ def keep_other_reports(folder: Path) -> None:
 def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
     """Write scores.csv, evaluation.json, report.md and report.html; returns their paths."""
     markdown = "\n".join(as_report(evaluation)) + "\n"
-    texts = (as_csv(evaluation), as_json(evaluation), markdown, as_page(evaluation))
+    texts = (scores_as_csv(evaluation), report_as_json(evaluation), markdown, as_page(evaluation))
     for name, text in zip(REPORT_FILES, texts, strict=True):
         write_whole(folder / name, text)
     return [folder / name for name in REPORT_FILES]
 
 
-def as_csv(evaluation: Evaluation) -> str:
+def scores_as_csv(evaluation: Evaluation) -> str:
     """A line for each score: its case and method, all measures, seconds, and why it failed."""
     keys = [measure.key for measure in MEASURES]
     rows: list[list[Any]] = [
@@ -132,7 +139,7 @@ def as_csv(evaluation: Evaluation) -> str:
     return csv_text(rows)
 
 
-def as_json(evaluation: Evaluation) -> str:
+def report_as_json(evaluation: Evaluation) -> str:
     """Everything that is needed to repeat the evaluation, every table and every score."""
     whole = {
         "command": evaluation.command,
@@ -185,7 +192,7 @@ def as_page(evaluation: Evaluation) -> str:
     return PAGE.read_text("utf-8").replace("<!-- body -->", "\n".join(parts))
 
 
-def as_html_table(block: Block) -> str:
+def as_html_table(block: TableBlock) -> str:
     """One noise as an HTML table; the best of a column is bold."""
     heads = "".join(f"<th>{m.title}<br>{m.unit}</th>" for m in block.measures)
     lines = [f"<tr><th></th>{heads}</tr>"]
@@ -195,7 +202,7 @@ def as_html_table(block: Block) -> str:
     return f"<table>{''.join(lines)}</table>"
 
 
-def plots_of(evaluation: Evaluation, blocks: list[Block]) -> Iterator[str]:
+def plots_of(evaluation: Evaluation, blocks: list[TableBlock]) -> Iterator[str]:
     """Bars over all noises; then errors by frame, by joint and against the input's, by noise."""
     there = {key for block in blocks for cells in block.cells.values() for key in cells}
     lines = evaluation.bar_lines and f", with {evaluation.bar_lines}"

@@ -31,7 +31,7 @@ from geneoh.files.outputs import is_ours, keep_others
 from geneoh.hand.library import load_hand
 from geneoh.modes import undisturbed
 from geneoh.progress import OnProgress
-from geneoh.viz.view import write_report
+from geneoh.viz.view import write_page
 from geneoh.workers.pool import results_of
 
 CASE_ERRORS = (InputError, MissingAssetError)
@@ -228,7 +228,7 @@ def run(
     total = sum(len(methods) for _, methods in work)
     scores: list[Score] = []
     score = partial(score_case, options=options, pages=pages)
-    for made in results_of(work, score, jobs=jobs, lost=lost):
+    for made in results_of(work, score, jobs=jobs, lost=_lost):
         append_journal(folder / SCORED, map(asdict, made))
         scores += made
         if on_progress is not None:
@@ -236,7 +236,7 @@ def run(
     return scores
 
 
-def lost(work: Work, why: str) -> list[Score]:
+def _lost(work: Work, why: str) -> list[Score]:
     """The scores of a case that killed its workers."""
     case, methods = work
     return [Score(*case.key, method.name, failed=why) for method in methods]
@@ -263,7 +263,7 @@ def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Scor
         if pages is not None and cleaned.result is not None:
             make_folder(pages)
             page, mano_dir = page_of(pages, score.key), scorer.options.cleaner.mano_dir
-            write_report(case.noisy, cleaned.result, page, title=case.clip.name, mano_dir=mano_dir)
+            write_page(case.noisy, cleaned.result, page, title=case.clip.name, mano_dir=mano_dir)
         return score
     except CASE_ERRORS as error:
         return Score(*case.key, method.name, failed=str(error))

@@ -37,7 +37,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Block:
+class TableBlock:
     """The methods under one noise of a data set, in the order in which they were asked for."""
 
     dataset: str
@@ -95,7 +95,7 @@ class Block:
                 )
 
 
-def blocks_of(scores: Iterable[Score], methods: Sequence[str]) -> list[Block]:
+def blocks_of(scores: Iterable[Score], methods: Sequence[str]) -> list[TableBlock]:
     """A block for each data set and noise; methods without any score are left out."""
     places: dict[tuple[str, str], list[Score]] = {}
     for score in scores:
@@ -103,7 +103,7 @@ def blocks_of(scores: Iterable[Score], methods: Sequence[str]) -> list[Block]:
     return [block_of(*place, found, methods) for place, found in places.items()]
 
 
-def block_of(dataset: str, noise: str, scores: list[Score], methods: Sequence[str]) -> Block:
+def block_of(dataset: str, noise: str, scores: list[Score], methods: Sequence[str]) -> TableBlock:
     """The table of one noise."""
     cells: dict[str, dict[str, Cell]] = {}
     failed: dict[str, int] = {}
@@ -116,7 +116,7 @@ def block_of(dataset: str, noise: str, scores: list[Score], methods: Sequence[st
         if count := sum(bool(score.failed) for score in made):
             failed[method] = count
     clips, seeds = ({getattr(score, name) for score in scores} for name in ("clip", "seed"))
-    return Block(dataset, noise, len(clips), len(seeds), cells, failed)
+    return TableBlock(dataset, noise, len(clips), len(seeds), cells, failed)
 
 
 def cell_of(scores: list[Score], key: str) -> Cell | None:
@@ -130,7 +130,7 @@ def cell_of(scores: list[Score], key: str) -> Cell | None:
         return None
     by_recording = grouped((recording_of(clip), value) for clip, _, value in values)
     by_seed = [fmean(group) for group in grouped((seed, value) for _, seed, value in values)]
-    low, high = interval(by_recording)
+    low, high = recordings_interval(by_recording)
     deviation = stdev(by_seed) if len(by_seed) > 1 else None
     return Cell(fmean(by_seed), deviation, low, high, count=len(values))
 
@@ -143,7 +143,7 @@ def grouped(values: Iterable[tuple[object, float]]) -> list[list[float]]:
     return list(groups.values())
 
 
-def interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float | None]:
+def recordings_interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float | None]:
     """Interval of the mean of all values, by how recordings as a whole scatter about it.
 
     Values of one recording, its windows and seeds, are not independent. A mean of groups is a ratio
@@ -179,7 +179,7 @@ def seed_agreement(scores: Iterable[Score]) -> float | None:
     return min((tau for tau in taus if tau == tau), default=None)
 
 
-def as_text(blocks: Iterable[Block]) -> Iterator[str]:
+def as_text(blocks: Iterable[TableBlock]) -> Iterator[str]:
     """The tables for a terminal."""
     for block in blocks:
         yield block.title
@@ -193,7 +193,7 @@ def as_text(blocks: Iterable[Block]) -> Iterator[str]:
         yield ""
 
 
-def as_markdown(blocks: Iterable[Block]) -> Iterator[str]:
+def as_markdown(blocks: Iterable[TableBlock]) -> Iterator[str]:
     """One table of all blocks for a README, the best of each column and noise in bold."""
     blocks = list(blocks)
     there = {measure.key for block in blocks for measure in block.measures}

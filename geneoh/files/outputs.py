@@ -62,7 +62,7 @@ def check_outputs(
         is_new_folder = path not in files
         if is_new_folder:
             refuse_folder(path)
-        check_folder(path, missing=is_new_folder)
+        _check_folder(path, missing=is_new_folder)
         place = Path(os.path.realpath(replaceable(path)))
         refuse_inputs(path, place, read)
         if place in taken:
@@ -72,7 +72,7 @@ def check_outputs(
             keep_others(path, remedy)
 
 
-def check_folder(path: Path, *, missing: bool) -> None:
+def _check_folder(path: Path, *, missing: bool) -> None:
     """Refuse an output whose folder cannot be written to; `missing` ones are made later."""
     folder = replaceable(path).parent
     while missing and not os.path.lexists(folder):

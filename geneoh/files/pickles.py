@@ -241,7 +241,7 @@ COUNTED = b")t\x85\x86\x87]l}d\x8f\x91c\x93R\x81ioQpqr\x94"
 """Opcodes that take memory of their own: containers, names, calls, and what is kept to recall."""
 
 
-def counted(load: Load) -> Load:
+def _counted(load: Load) -> Load:
     """The same opcode, refused where a file has too many like it."""
 
     def load_counted(self: Unpickler) -> None:
@@ -264,4 +264,4 @@ Unpickler.dispatch = {
     pickle.DICT[0]: Unpickler.load_dict,
     pickle.FRAME[0]: Unpickler.load_frame,
 }
-Unpickler.dispatch |= {code: counted(Unpickler.dispatch[code]) for code in COUNTED}
+Unpickler.dispatch |= {code: _counted(Unpickler.dispatch[code]) for code in COUNTED}

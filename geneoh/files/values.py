@@ -59,7 +59,7 @@ def decode(data: bytes, file: str) -> Any:
         return decode_array(data, f"{file}: the array", decode_objects)
     if is_stream(data):
         return read_stream(data, file)
-    return decode_pickle(unpacked(data, file), file)
+    return decode_pickle(_unpacked(data, file), file)
 
 
 def decode_pickle(data: bytes, file: str) -> Any:
@@ -75,7 +75,7 @@ def decode_objects(data: bytes, file: str) -> Any:
     return value.item() if only else value
 
 
-def unpacked(data: bytes, file: str) -> bytes:
+def _unpacked(data: bytes, file: str) -> bytes:
     """A pickle out of its compression, as joblib and others write it."""
     made: Any = next((made for starts, made in DECOMPRESSORS if data.startswith(starts)), None)
     if made is None:

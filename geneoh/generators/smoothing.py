@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 
-def smoothed(
+def smoothed_clips(
     clips: Float[Tensor, "B T N"], deviation: float, lengths: Int[Tensor, " B"] | None = None
 ) -> Float[Tensor, "B T N"]:
     """Clips with a Gaussian of a deviation in frames over each of their numbers; 0 is for none.

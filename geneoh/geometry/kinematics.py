@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 
-def forward_kinematics(
+def tree_kinematics(
     rotations: Float[Tensor, "*#B J 3 3"],
     root: Float[Tensor, "*#B 3"],
     offsets: Float[Tensor, "*#B M 3"],

@@ -78,7 +78,7 @@ def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Boo
     return found
 
 
-def turns_of(outline: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+def _turns_of(outline: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
     """The area of the triangle of each corner and its two neighbours, as a share of the face's;
     negative where the triangle lies outside."""
     spokes, sides = outline - outline[:1], np.roll(outline, -1, 0) - outline
@@ -95,17 +95,17 @@ def ears(outline: Float[np.ndarray, "N 3"]) -> list[list[int]]:
     """
     left, found = list(range(len(outline))), []
     while len(left) > 3:
-        turns, size = turns_of(outline[left]), len(left)
+        turns, size = _turns_of(outline[left]), len(left)
         largest = np.argsort(-turns, kind="stable").tolist()
         around = [(at - 1, at, (at + 1) % size) for at in largest]
-        inside = (ear for ear in around if turns[ear[1]] > 0 and is_empty(outline[left], ear))
+        inside = (ear for ear in around if turns[ear[1]] > 0 and _is_empty(outline[left], ear))
         ear = next(inside, around[0])
         found.append([left[at] for at in ear])
         left.pop(ear[1])
     return [*found, left]
 
 
-def is_empty(outline: Float[np.ndarray, "N 3"], ear: tuple[int, int, int]) -> bool:
+def _is_empty(outline: Float[np.ndarray, "N 3"], ear: tuple[int, int, int]) -> bool:
     """Whether none of the other corners of an outline is inside of the triangle of these three."""
     corners = outline[list(ear)]
     others = np.delete(outline, [at % len(outline) for at in ear], axis=0)

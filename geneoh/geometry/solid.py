@@ -17,16 +17,8 @@ from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import (
-    WELD_TOLERANCE,
-    Mesh,
-    checked,
-    connected,
-    open_edges,
-    rims,
-    thickened,
-    welded,
-)
+from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked_mesh, welded
+from geneoh.geometry.openings import connected, open_edges, rims, thickened
 
 OPENING_SHARE = 0.05
 """A hole is an opening when its area is more than this share of its shell's area.
@@ -96,7 +88,7 @@ def build_solid(mesh: Mesh) -> Solid:
         InputError: the mesh has no surface that can be measured, or none that encloses anything.
     """
     name = str(mesh.source or "the mesh")
-    mesh = checked(Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu()), name)
+    mesh = checked_mesh(Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu()), name)
     whole = welded(mesh)
     if not len(whole.faces):
         raise InputError(

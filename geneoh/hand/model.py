@@ -114,7 +114,7 @@ class ShapedHand(Bundle):
     joints: Float[Tensor, "*B 16 3"]
     """Joint centres in MANO order."""
     offsets: Float[Tensor, "*B 20 3"]
-    """Rest skeleton as `forward_kinematics` wants it: 15 bones, then 5 tips."""
+    """Rest skeleton as `tree_kinematics` wants it: 15 bones, then 5 tips."""
 
     def posed(self, pose: Float[Tensor, "*#B 16 3"], wrist: Float[Tensor, "*#B 3"]) -> PosedHand:
         """The hand in the world: `pose` is axis-angle, absolute; `wrist` is the joint (W)."""

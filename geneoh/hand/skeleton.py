@@ -43,9 +43,7 @@ def forward_kinematics(
 
     `rotations` are each joint's against its parent, the wrist's against the world.
     """
-    points, glob = kinematics.forward_kinematics(
-        rotations, wrist, offsets, (*PARENTS, *TIP_PARENTS)
-    )
+    points, glob = kinematics.tree_kinematics(rotations, wrist, offsets, (*PARENTS, *TIP_PARENTS))
     return points[..., list(OPENPOSE_FROM_MANO), :], glob
 
 

@@ -115,14 +115,14 @@ def motion_consistency(
     touched = query.closest.gather(1, pick)[:, 0]
     part = surface.part_at(touched[:, None])[:-1, 0]
     frames = torch.arange(len(part), device=verts.device)
-    move = part_motion(surface, frames, part)
+    move = _part_motion(surface, frames, part)
     step = move.apply(touched[:-1, None])[:, 0] - touched[:-1]
     hand_step = (verts[1:] - verts[:-1]).gather(1, pick[:-1])[:, 0]
     miss = (torch.exp(-CONSISTENCY_DECAY * gap[:-1, None]) * hand_step - step).square().sum(-1)
     return torch.where(step.norm(dim=-1) > MOVING, miss, torch.nan)
 
 
-def part_motion(
+def _part_motion(
     surface: MovingSurface, frame: Int[Tensor, "*#N"], part: Int[Tensor, "*#N"]
 ) -> Rigid:
     """The rigid motion in the world of parts of the object from given frames to the next ones."""
@@ -151,7 +151,7 @@ def fingertip_slip(
     stays = (nearest <= TOUCH) & (query.distance[frame + 1, pick] <= TOUCH)
     now, later = verts[frame, pick], verts[frame + 1, pick]
     part = surface.at(slice(-1)).part_at(query.closest[frame, pick])
-    move = part_motion(surface, frame, part)
+    move = _part_motion(surface, frame, part)
     # the vertex if it had stayed on the part; `apply` takes sets of points
     carried = move.apply(now[..., None, :])[..., 0, :]
     turned = (move.rotation @ query.normal[frame, pick][..., None])[..., 0]

@@ -14,7 +14,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface, SearchTree, SurfaceDistance
-from geneoh.geometry.mesh import Mesh, capped
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.openings import capped
 from geneoh.geometry.sampling import SurfaceSamples, sample_surface
 from geneoh.geometry.solid import as_arrays
 from geneoh.metrics.contact import CONTACT_MAP

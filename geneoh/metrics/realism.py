@@ -37,7 +37,7 @@ STEPS = 200  # of the search for forces
 
 
 @dataclass(frozen=True)
-class SurfaceMotion(Bundle):
+class SurfacePoints(Bundle):
     """Surface points of B objects over T frames in the world."""
 
     points: Float[Tensor, "B T P 3"]
@@ -58,14 +58,14 @@ class SurfaceMotion(Bundle):
         return torch.cat([(step >= MOVING) & self.valid[:, 1:], last], 1)
 
 
-def realism(
-    touched: Bool[Tensor, "B T P"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
+def realistic_share(
+    touched: Bool[Tensor, "B T P"], surface: SurfacePoints, fps: float, friction: float = FRICTION
 ) -> Float[Tensor, " B"]:
     """Share of each clip's frames that are realistic, 0 to 1, by the points that hands touch."""
     return realistic_frames(touched, surface, fps, friction).sum(1) / surface.length
 
 
-def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfaceMotion) -> Float[Tensor, " B"]:
+def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfacePoints) -> Float[Tensor, " B"]:
     """Motion without contact: the share of the frames in which an object moves that have no
     keypoint within 2 cm of its points, 0 to 1.
 
@@ -80,7 +80,7 @@ def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfaceMotion) -> Flo
 
 
 def realistic_frames(
-    touched: Bool[Tensor, "B T P"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
+    touched: Bool[Tensor, "B T P"], surface: SurfacePoints, fps: float, friction: float = FRICTION
 ) -> Bool[Tensor, "B T"]:
     """Whether each frame is realistic; see the module."""
     stands = surface.points[..., 2] <= TOUCH
@@ -102,7 +102,7 @@ def realistic_frames(
 
 
 def wanted_wrench(
-    surface: SurfaceMotion, fps: float
+    surface: SurfacePoints, fps: float
 ) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 3"], Float[Tensor, "B T 1"]]:
     """The wrench that the motion asks for per unit of weight, about the centre of mass; that centre
     and the radius of gyration, metres.

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle, concatenated
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
-from geneoh.geometry.mesh import edges_of
+from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (

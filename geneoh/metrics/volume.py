@@ -14,7 +14,8 @@ from jaxtyping import Float, Float64, Int
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance, pairwise_distances
-from geneoh.geometry.mesh import Mesh, capped, rims
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.openings import capped, rims
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.solid import Solid
 

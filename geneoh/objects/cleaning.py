@@ -177,7 +177,7 @@ def clean_part(
     center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
     world = RigidMotion(rotations, rotations.apply(center) + places, seen)
     turning = Views.of(replace(world, seen=chain.kept), palms)
-    return smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
+    return _smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
 
 
 @lru_cache(maxsize=8)
@@ -195,7 +195,7 @@ def is_shaky(views: Views, fps: float) -> bool:
     )
 
 
-def smoothed(
+def _smoothed(
     views: Views,
     turning: Views,
     center: Float64[np.ndarray, " 3"],

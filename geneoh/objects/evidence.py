@@ -200,7 +200,7 @@ def touching(
         moved = (points + shift * ray[:, None] for shift in shifts)
         every = torch.stack([away, *(distance_of_nearest(each, surface) for each in moved)])
         away = every[every.mean(1).argmin()]
-    nearest, moves = away.cpu().double().numpy(), moving(surface, fps).cpu().double().numpy()
+    nearest, moves = away.cpu().double().numpy(), _moving(surface, fps).cpu().double().numpy()
     around = partial(gaussian_filter1d, sigma=AROUND_TOUCH * fps / 30, mode="constant")
     frames = (2 * math.pi) ** 0.5 * AROUND_TOUCH * fps / 30
     mean = frames * around(moves * nearest) / (frames * around(moves) + UNPROVEN * fps / 30)
@@ -234,7 +234,7 @@ def evidence_of_place(width: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
     return share_between(width, CLEAR, UNCLEAR).to(width)
 
 
-def moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
+def _moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
     """The frames in which the surface of any part moves, by where it is a tenth of a second before
     and after."""
     frames, apart = len(surface.rotation), max(1, round(fps / 10))

@@ -69,7 +69,7 @@ class Frame:
     ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, "N 3"]]:
         """Its rigid motion, x -> turn @ x + shift, from start frames to `lag` frames later."""
         turn = self.rotation[start + lag] @ self.rotation[start].swapaxes(1, 2)
-        return turn, self.origin[start + lag] - moved(turn, self.origin[start])
+        return turn, self.origin[start + lag] - _moved(turn, self.origin[start])
 
     def left(
         self, turns: Rotation, places: Track, start: Int[np.ndarray, " N"], lag: int = 1
@@ -80,7 +80,7 @@ class Frame:
         besides = matrices[start + lag] @ matrices[start].swapaxes(1, 2) @ turn.swapaxes(1, 2)
         return (
             Rotation.from_matrix(besides).as_rotvec(),
-            places[start + lag] - moved(turn, places[start]) - shift,
+            places[start + lag] - _moved(turn, places[start]) - shift,
         )
 
 
@@ -121,7 +121,7 @@ def grip_of(frame: Frame, smooth: PartTrack) -> Grip:
     """The grip of a hand each time that it is near, as far as it is one."""
     back = frame.rotation.swapaxes(1, 2)
     turns = Rotation.from_matrix(back @ smooth.turns.as_matrix())
-    places = moved(back, smooth.places - frame.origin)
+    places = _moved(back, smooth.places - frame.origin)
     held, weights = places.copy(), np.zeros((2, len(places)))
     onto = turns.as_matrix()
     for run in runs(np.append(frame.near, frame.near[-1])):
@@ -130,7 +130,7 @@ def grip_of(frame: Frame, smooth: PartTrack) -> Grip:
             onto[run], held[run], weights[:, run] = found
     return Grip(
         Rotation.from_matrix(frame.rotation @ onto),
-        frame.origin + moved(frame.rotation, held),
+        frame.origin + _moved(frame.rotation, held),
         weights,
     )
 
@@ -175,6 +175,6 @@ def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:
     return np.interp(frames, frames[known], values[known]) if known.any() else values + np.inf
 
 
-def moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:
+def _moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:
     """Points, each turned by its matrix."""
     return np.einsum("nij,nj->ni", turn, points)

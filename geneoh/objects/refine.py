@@ -105,7 +105,7 @@ def refine_part(
     start = first
     for grip in grips:
         start = grip.taken(start, lost)
-    turns, places = resting(
+    turns, places = _resting(
         frames, grips, start, seen, weights, track, np.exp(-1 / (DRIFT_SECONDS * fps))
     )
     step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], track.known)
@@ -120,7 +120,7 @@ def poses_of(track: ObjectTrack, part: int) -> tuple[Rotation, Track]:
     return turns, track.translation[:, part].double().cpu().numpy()
 
 
-def resting(
+def _resting(
     frames: list[Frame],
     grips: list[Grip],
     first: tuple[Rotation, Track],

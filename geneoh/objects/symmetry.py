@@ -64,13 +64,13 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
         apart = surface.query(torch.from_numpy(moved)).distance.abs().mean(-1).max()
         return float(apart) / (TOLERANCE * lever)
 
-    revolution = distinct(axes, [misfit(axis, *REVOLUTION_TURNS) for axis in axes])
+    revolution = _distinct(axes, [misfit(axis, *REVOLUTION_TURNS) for axis in axes])
     if len(revolution) > 1:
         return Symmetry(center, np.eye(3)[None], is_ball=True)
     finite = [Rotation.identity()]
     for order in ORDERS if not revolution else ORDERS[:1]:
         angles = 2 * np.pi * np.arange(1, order) / order
-        for axis in distinct(axes, [misfit(axis, angles[0]) for axis in axes]):
+        for axis in _distinct(axes, [misfit(axis, angles[0]) for axis in axes]):
             if not any(abs(axis @ other) > SAME_AXIS for other in revolution):
                 finite += [Rotation.from_rotvec(angle * axis) for angle in angles]
     steps = 2 * np.pi * np.arange(STEPS) / STEPS if revolution else np.zeros(1)
@@ -86,7 +86,7 @@ def box_center(mesh: Mesh) -> Float64[np.ndarray, " 3"]:
     return (mesh.verts.amax(0) + mesh.verts.amin(0)).double().cpu().numpy() / 2
 
 
-def distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:
+def _distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:
     """The axes with a misfit below 1, the best of those that are nearly the same."""
     found: list[np.ndarray] = []
     for index in np.argsort(misfits):

@@ -14,7 +14,8 @@ from geneoh.choices import Selection, Side
 from geneoh.config import checked_call
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import FitConfig, fit_hand
+from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.fitting.twist import untwisted
@@ -35,9 +36,9 @@ from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
-from geneoh.pipeline.rays import with_rays
+from geneoh.pipeline.rays import with_found_rays
 from geneoh.pipeline.results import Denoised, HandResult
-from geneoh.pipeline.shots import common_shots, joined, told_of
+from geneoh.pipeline.shots import common_shots, joined_shots, told_of
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
@@ -113,7 +114,7 @@ def denoise(
         else:
             alike = with_one_shape(sequence, options)
             parts = [clean_interaction(alike[shot], options, on_progress) for shot in shots]
-            result = joined(parts, shots)
+            result = joined_shots(parts, shots)
         return replace(result, doubts=doubtful)
 
 
@@ -160,7 +161,7 @@ def clean_interaction(
         evidence = relied[:, motion.seen_parts]
     # a part that was never seen stands at the origin, where a hand must not meet it
     met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
-    seen, said = with_rays(replace(sequence, object=met), chosen)
+    seen, said = with_found_rays(replace(sequence, object=met), chosen)
     notes += said
     normalised = normalised_hands(seen)
     if normalised[0].track.frames != sequence.frames:

@@ -16,7 +16,7 @@ from geneoh.bundle import concatenated
 from geneoh.errors import numbered
 from geneoh.pipeline.faults import curls
 from geneoh.sequence.gaps import filled_keypoints
-from geneoh.sequence.keypoints import PALM, keypoints
+from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -35,7 +35,7 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     said = tuple(same_place(one, other))
     frames = exchanged(one, other)
     count = int(frames.sum())
-    if not count or fields_of(one) != fields_of(other):
+    if not count or _fields_of(one) != _fields_of(other):
         return sequence, said
     where = numbered(count, "frame")
     words = f"the left and the right hand are exchanged in {where}: each got what the other had"
@@ -53,7 +53,7 @@ def with_confidence(hands: tuple[HandTrack, ...]) -> tuple[HandTrack, ...]:
 def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:
     """What a user should know of two hands of which one is a copy of the other."""
     both = one.observed & other.observed
-    apart = (keypoints(one) - keypoints(other))[:, PALM].norm(dim=-1).mean(-1)
+    apart = (keypoints_of(one) - keypoints_of(other))[:, PALM].norm(dim=-1).mean(-1)
     count, seen = int((apart[both] < SAME_PLACE).sum()), int(both.sum())
     if count > SHARE_OF_FRAMES * seen:
         yield (
@@ -65,7 +65,7 @@ def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:
 def exchanged(one: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
     """The frames in which each of two hands is the other one; none where all of them would be."""
     hands = (one, other)
-    bends = [curls(keypoints(hand), hand.trust != 0, hand.side).nan_to_num() for hand in hands]
+    bends = [curls(keypoints_of(hand), hand.trust != 0, hand.side).nan_to_num() for hand in hands]
     curl = bends[0] + bends[1]
     palms = torch.stack([filled_keypoints(hand)[:, PALM] for hand in hands])
     steps = (palms[:, 1:] - palms[:, :-1]).norm(dim=-1).mean(-1).sum(0)
@@ -104,7 +104,7 @@ def cheapest(
     return torch.tensor(found[::-1], device=curl.device) == 1
 
 
-def fields_of(hand: HandTrack) -> list[bool]:
+def _fields_of(hand: HandTrack) -> list[bool]:
     """Which of the fields that have frames a track lacks."""
     of_points = (hand.joints, hand.confidence, hand.joint_spread)
     return [value is None for value in (*of_points, hand.pose, hand.wrist, hand.camera_ray)]

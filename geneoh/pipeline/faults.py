@@ -72,7 +72,7 @@ def without_faults_of(
     said = list(words)
     for fault in faults(hand, fps, motion):
         if fault.of_fingers:
-            hand, cure = with_other_fingers(hand, fault.frames), "got those of the frames around"
+            hand, cure = _with_other_fingers(hand, fault.frames), "got those of the frames around"
         else:
             hand, cure = replace(hand, valid=hand.valid & ~fault.frames), "taken as missing"
         where = numbered(int(fault.frames.sum()), "frame")
@@ -80,7 +80,7 @@ def without_faults_of(
     return hand, tuple(said)
 
 
-def with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
+def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
     """The track whose fingers in some frames are those around them, with hardly any confidence."""
     around, chosen = observed_around(hand.observed & ~frames), frames[:, None, None]
     pose, joints, trust = hand.pose, hand.joints, hand.trust
@@ -103,18 +103,18 @@ def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> It
         return
     joints, trusted = filled_keypoints(hand), hand.trust > 0
     views, shots = seen_from_parts(joints, motion), shots_of(hand, fps)
-    track = Track(joints, trusted, hand.side, fps, views, shots)
+    track = KeypointTrack(joints, trusted, hand.side, fps, views, shots)
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
-        few = find is repeated or 2 * int(wrong.sum()) <= int(seen.sum())
+        few = find is _repeated or 2 * int(wrong.sum()) <= int(seen.sum())
         if few and bool(wrong.any()):
             yield Fault(wrong, words, of_fingers)
             seen = seen & ~wrong
 
 
 @dataclass(frozen=True)
-class Track:
+class KeypointTrack:
     """Keypoints of a hand with gaps filled, metres, world frame."""
 
     joints: Float[Tensor, "T 21 3"]
@@ -148,7 +148,7 @@ class Track:
         return frames
 
 
-def repeated(track: Track) -> Bool[Tensor, " T"]:
+def _repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames that repeat the one before, in the middle of motion."""
     found = track.nothing
     for run in stops(track, track.joints):
@@ -156,7 +156,7 @@ def repeated(track: Track) -> Bool[Tensor, " T"]:
     return found
 
 
-def stiff(track: Track) -> Bool[Tensor, " T"]:
+def stiff(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames of one and the same hand shape, such as a mean one, in a hand that moves."""
     found, still = track.nothing, standing(track.joints)
     shape = (track.joints - track.joints[:, :1]) @ palm_axes(track.joints[:, None])
@@ -170,7 +170,7 @@ def standing(points: Float[Tensor, "T 21 3"]) -> Bool[Tensor, " N"]:
     return points.diff(dim=0).abs().flatten(1).amax(1) < SAME
 
 
-def stops(track: Track, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
+def stops(track: KeypointTrack, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
     """Runs of steps between observed frames in which points stand still, and which begin and end
     with a leap."""
     seen = track.trusted.any(-1)
@@ -182,7 +182,7 @@ def stops(track: Track, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
             yield run
 
 
-def displaced(track: Track) -> Bool[Tensor, " T"]:
+def displaced(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames in which the palm is where no possible motion brings it."""
     middles = [palm.places for palm in track.palms]
     steps = [np.diff(middle, axis=0) for middle in middles]
@@ -191,7 +191,7 @@ def displaced(track: Track) -> Bool[Tensor, " T"]:
     return track.in_all(middles, lambda middle: ~possible_places(middle, limit, track.fps))
 
 
-def turned_over(track: Track) -> Bool[Tensor, " T"]:
+def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
     palms = [palm.turns for palm in track.palms]
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
@@ -228,7 +228,7 @@ def curls(
     return finger_curls(known, side) / length
 
 
-def other_side(track: Track) -> Bool[Tensor, " T"]:
+def other_side(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames whose fingers bend backward, while those around them bend forward."""
     curl = curls(track.joints, track.trusted, track.side).cpu().numpy()
     found = track.nothing
@@ -240,7 +240,7 @@ def other_side(track: Track) -> Bool[Tensor, " T"]:
 
 
 FAULTS = (
-    (repeated, "repeats the frame before, between two leaps,", False),
+    (_repeated, "repeats the frame before, between two leaps,", False),
     (stiff, "has fingers that keep still, between two leaps,", True),
     (displaced, "is where no motion brings it", False),
     (turned_over, "is turned as no motion turns it", False),

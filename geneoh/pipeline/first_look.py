@@ -11,10 +11,10 @@ from geneoh.pipeline.observed import Observed, lost_like
 from geneoh.readers.convention_check import doubts
 from geneoh.readers.hand_checks import refuse_other_order
 from geneoh.readers.holding_check import POSES_REACH
+from geneoh.sequence.distance_check import check_distance, least_distance
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.repeats import repeated_poses, repeats_told
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.validation import check_distance, least_distance
 
 SECONDS = 2.0  # looked at, from the first frame with the hand on: a delay needs as many
 ORDER_FRAMES = 10  # frames with the hand after which an order of the keypoints is certain
@@ -41,7 +41,7 @@ class FirstLook:
             return ()
         frames = [*self._frames, seen]
         if seen.hand and sum(frame.hand is not None for frame in frames) == ORDER_FRAMES:
-            refuse_order(hand_of(frames), where)
+            refuse_order(_hand_of(frames), where)
         if len(frames) < round(SECONDS * self._fps):
             self._frames = frames
             return ()
@@ -61,7 +61,7 @@ class FirstLook:
         """What is doubtful about some frames, as of a file with them."""
         motion = concatenated([frame.object for frame in frames])
         motion = fill_object(replace(motion, meshes=self._meshes))
-        hand, lost = without_faults_of(hand_of(frames), self._fps, motion)
+        hand, lost = without_faults_of(_hand_of(frames), self._fps, motion)
         refuse_order(hand, where)
         try:
             # a hand may come near later, but from so far away none does
@@ -85,7 +85,7 @@ def refuse_order(hand: HandTrack, where: str) -> None:
     refuse_other_order(hand, where, "give them in OpenPose order")
 
 
-def hand_of(frames: list[Observed]) -> HandTrack:
+def _hand_of(frames: list[Observed]) -> HandTrack:
     """The hand of some frames, of which one at least has it, as a track."""
     lost = lost_like(next(frame.hand for frame in frames if frame.hand is not None))
     return concatenated([frame.hand or lost for frame in frames])

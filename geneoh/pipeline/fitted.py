@@ -8,7 +8,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import concatenated
-from geneoh.fitting.fit import FitConfig, fit_hand
+from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.own_skeleton import own_skeleton
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState

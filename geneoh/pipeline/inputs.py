@@ -7,7 +7,8 @@ from pathlib import Path
 from torch import Tensor
 
 from geneoh.errors import InputError, numbered
-from geneoh.geometry.mesh import Mesh, checked, meshes_of, size_warning
+from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning
+from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers.npz_files import load
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import Sequence
@@ -60,7 +61,7 @@ def refuse_meshes(meshes: Iterable[Mesh], source: str = "") -> None:
     are."""
     for mesh in meshes:
         name = str(mesh.source or source or "the mesh")
-        if warning := size_warning(checked(mesh, name)):
+        if warning := size_warning(checked_mesh(mesh, name)):
             raise InputError(f"{name}: {warning}")
 
 

@@ -8,7 +8,7 @@ from typing_extensions import assert_never
 from geneoh.choices import Ablation, PresetName, Selection
 from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
-from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
+from geneoh.fitting.fit_config import KEYPOINTS_ALONE, FitConfig
 
 MOST_ROUNDS = 20  # of SpatialDiff, which finds no better places after the first few
 

@@ -84,7 +84,7 @@ def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | No
     return FoundRay(direction.to(middle), sqrt(ratio))
 
 
-def with_rays(sequence: Sequence, chosen: Preset) -> tuple[Sequence, list[str]]:
+def with_found_rays(sequence: Sequence, chosen: Preset) -> tuple[Sequence, list[str]]:
     """The sequence with the rays that the stages are shown, and what a user should know of them.
 
     The poses of its object are those that the stages see.

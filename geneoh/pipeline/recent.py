@@ -14,7 +14,8 @@ from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.denoisers.library import Denoisers
-from geneoh.fitting.fit import FitConfig, fit_hand, fit_keypoints, start_from_keypoints
+from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
@@ -56,7 +57,7 @@ SETTLED = WINDOW  # observed frames after which the shape of the hand is kept
 
 
 @dataclass
-class Place:
+class ChangingShift:
     """The shift of SpatialDiff, of each sample: it changes slowly from one answer to the next."""
 
     before: Float[Tensor, "S 1 3"]
@@ -80,7 +81,7 @@ class Place:
 class RecentRun(StageRun):
     """The stages of one window, which ask SpatialDiff now and then only."""
 
-    place: Place
+    place: ChangingShift
     first: int  # frame that the window begins with
     done: int  # frame that is to be made next
 
@@ -121,7 +122,7 @@ class RecentHand:
         self._track: HandTrack | None = None
         self._motion: ObjectTrack | None = None
         still = model.template.new_zeros(chosen.samples, 1, 3)
-        self._place = Place(still, still)
+        self._place = ChangingShift(still, still)
         self._ready: deque[HandTrack | None] = deque()
         self._pushed = self._done = self._observed = 0
         self._shape: Subject | None = None

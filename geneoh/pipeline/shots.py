@@ -56,7 +56,7 @@ def told_of(sequence: Sequence, shots: list[slice]) -> Iterator[str]:
             )
 
 
-def joined(parts: list[Denoised], shots: list[slice]) -> Denoised:
+def joined_shots(parts: list[Denoised], shots: list[slice]) -> Denoised:
     """The results of all shots as one of the whole video; their hands have the same betas."""
     first = parts[0]
     depths = [part.hands_in_each_other for part in parts if part.hands_in_each_other]

@@ -14,8 +14,8 @@ from geneoh.choices import Side
 from geneoh.config import as_field_type, closest_name
 from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import ConfigError, InputError
-from geneoh.fitting.fit import FitConfig
-from geneoh.geometry.mesh import MeshInput, meshes_of
+from geneoh.fitting.fit_config import FitConfig
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
@@ -29,8 +29,9 @@ from geneoh.pipeline.recent import RecentHand
 from geneoh.readers.arrays import array_of
 from geneoh.readers.missing_keypoints import FEWEST
 from geneoh.readers.npz_files import hand_arrays
+from geneoh.readers.npz_hands import read_own
 from geneoh.readers.npz_layouts import HAND_FIELDS, quoted
-from geneoh.readers.npz_tracks import read_object, read_own
+from geneoh.readers.npz_objects import read_object
 from geneoh.readers.records import Record
 from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model

@@ -37,10 +37,10 @@ def finger_contact(
     """
     usual = torch.full_like(distance, USUAL_SPREAD)
     tips = usual if spread is None else spread[:, sorted(TIP_KEYPOINTS)]
-    return 0.5 + evidence[:, None] * (touching(distance, tips) - 0.5)
+    return 0.5 + evidence[:, None] * (finger_touch(distance, tips) - 0.5)
 
 
-def touching(
+def finger_touch(
     distance: Float[Tensor, "T 5"],
     tips: Float[Tensor, "T 5"],
     share: float = SPREAD_SHARE,

@@ -12,7 +12,7 @@ from geneoh.bundle import unmasked
 from geneoh.choices import SIDES
 from geneoh.config import checked_call
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import MeshInput, meshes_of
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, dates_in, is_column, length_of
 from geneoh.readers.npz_files import sequence_in

@@ -15,7 +15,8 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.clock import Clock
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.records import Array, Notes, Place
+from geneoh.readers.places import Place
+from geneoh.readers.records import Array, Notes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -224,7 +225,7 @@ def finite_frames(values: Array) -> Array:
     return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
-def moving(motions: Mapping[str, Array]) -> list[str]:
+def moving_objects(motions: Mapping[str, Array]) -> list[str]:
     """The names of the objects that leave their place, by their (T, 4, 4) poses in metres.
 
     Of a table full of things only some are handled. Where none moves, all that have poses.

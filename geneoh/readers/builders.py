@@ -47,7 +47,7 @@ def mano_track(
     if numbers.template is not None and mano is not None:
         mano = replace(mano, model=replace(mano.model, template=float32(numbers.template)))
         betas = np.zeros(10)
-    wrist, notes = wrist_of(numbers, convention, mano, betas)
+    wrist, notes = _wrist_of(numbers, convention, mano, betas)
     joints = numbers.joints
     if joints is None and mano is not None:
         joints = mano.keypoints(pose, wrist, betas)
@@ -88,7 +88,7 @@ def refuse_other_lengths(where: str, numbers: ManoParameters) -> None:
         )
 
 
-def wrist_of(
+def _wrist_of(
     numbers: ManoParameters, convention: ManoConvention, mano: Mano | None, betas: Array
 ) -> tuple[Array, Notes]:
     """(T, 3) the wrist, exact with the model or stored keypoints, else that of the mean hand."""
@@ -231,7 +231,7 @@ def sequence_of(
     return Sequence(tuple(hands), motion, fps, f"{source} ({words})" if words else source)
 
 
-def part_of(sequence: Sequence, span: slice) -> Sequence:
+def stretch_of(sequence: Sequence, span: slice) -> Sequence:
     """The frames of a slice; hands that were observed in none of them are left out."""
     part = sequence[span]
     hands = tuple(hand for hand in part.hands if bool(hand.valid.any()))

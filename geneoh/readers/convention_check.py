@@ -17,11 +17,12 @@ from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
 from geneoh.readers.delay_check import check_delay
 from geneoh.readers.hand_checks import HANDEDNESS, MIRRORED, check_anatomy, refuse_other_order
-from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_place
+from geneoh.readers.holding_check import TOUCHING_REACH, check_holding, check_wrist_place
 from geneoh.readers.mano import MEAN_WRIST_OFFSET
 from geneoh.readers.records import Array
+from geneoh.sequence.distance_check import distance_to_object
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.validation import check_sequence, distance_to_object
+from geneoh.sequence.validation import check_sequence
 
 WRIST_LIMIT = 0.005
 """Metres that the turning point of a stored mesh may be off; J0 is 96 mm long."""
@@ -50,7 +51,7 @@ def contradictions(recording: Recording) -> list[str]:
             *check_turning_point(hand, stored),
             *check_anatomy(hand),
             *check_pose_against_keypoints(hand, stored),
-            *check_place(hand, sequence.object),
+            *check_wrist_place(hand, sequence.object),
             *check_holding(hand, sequence.object),
         )
         found += [f"{hand.side} hand: {words}" for words in told]
@@ -87,7 +88,7 @@ def doubts_of(hand: HandTrack, sequence: Sequence, name: str) -> Iterator[str]:
             f"its wrist stays {away:.2f} m from the object, too far to touch it; check the "
             "object's poses (--object-pose) and the units (--unit)"
         )
-    yield from check_place(hand, sequence.object)
+    yield from check_wrist_place(hand, sequence.object)
     yield from check_anatomy(hand)
     yield from check_holding(hand, sequence.object)
     yield from check_delay(hand, sequence.object, sequence.fps)

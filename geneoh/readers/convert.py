@@ -31,7 +31,7 @@ from geneoh.sequence.validation import check_sequence
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ConversionOutcome:
     """What became of one clip."""
 
     clip: SourceClip
@@ -60,7 +60,7 @@ def convert(
     *,
     check: bool = False,
     overwrite: bool = False,
-) -> Iterator[Outcome]:
+) -> Iterator[ConversionOutcome]:
     """Convert clips to files in a folder, or to none, and report on each.
 
     A file that cannot be read is the problem of its clip. An error in geneoh's own code ends the
@@ -70,31 +70,31 @@ def convert(
     """
     refuse_unused(source, options)
     with nullcontext() if folder is None else only_run_in(folder):
-        known = {} if folder is None else records_before(folder)
+        known = {} if folder is None else _records_before(folder)
         for clip in clips:
-            asked = described(source, clip, options)
+            asked = _described(source, clip, options)
             record = known.get(clip.name, {})
-            if folder and not check and is_done(record, asked, folder):
-                yield Outcome(clip, tuple(record["files"]), skipped=True)
+            if folder and not check and _is_done(record, asked, folder):
+                yield ConversionOutcome(clip, tuple(record["files"]), skipped=True)
                 continue
             try:
                 yield convert_clip(
                     source, clip, folder, options, asked, check=check, overwrite=overwrite
                 )
             except GeneOHError as error:
-                yield Outcome(clip, problem=str(error))
+                yield ConversionOutcome(clip, problem=str(error))
 
 
-def described(source: Source, clip: SourceClip, options: ReaderOptions) -> dict[str, Any]:
+def _described(source: Source, clip: SourceClip, options: ReaderOptions) -> dict[str, Any]:
     """What is asked for a clip as JSON can hold it: with another description it is other work."""
     return {
         "source": source.name,
         "path": str(clip.path),
-        **{field.name: as_json(getattr(options, field.name)) for field in fields(options)},
+        **{field.name: _as_json(getattr(options, field.name)) for field in fields(options)},
     }
 
 
-def as_json(value: Any) -> Any:
+def _as_json(value: Any) -> Any:
     """The value of an option; of arrays and meshes a digest."""
     if isinstance(value, np.ndarray):
         return f"{value.shape} {sha256(value.tobytes()).hexdigest()}"
@@ -102,7 +102,7 @@ def as_json(value: Any) -> Any:
         return sha256(obj_text(value).encode()).hexdigest()
     if isinstance(value, Path):
         return str(value.resolve())
-    return [as_json(part) for part in value] if isinstance(value, tuple) else value
+    return [_as_json(part) for part in value] if isinstance(value, tuple) else value
 
 
 def convert_clip(
@@ -114,7 +114,7 @@ def convert_clip(
     *,
     check: bool,
     overwrite: bool,
-) -> Outcome:
+) -> ConversionOutcome:
     """One clip, all of its recordings or none; `asked` is its description in the journal."""
     inputs = {} if folder is None else {str(clip.path): fingerprint(clip.path)}
     recordings = read_clip(source, clip, options)
@@ -126,14 +126,14 @@ def convert_clip(
             check_sequence(recording.sequence, recording.name)
     notes = tuple(dict.fromkeys(note for recording in recordings for note in notes_on(recording)))
     if folder is None or found:
-        return Outcome(clip, contradictions=tuple(found), notes=notes)
-    check_places(recordings, folder, clip, overwrite=overwrite)
+        return ConversionOutcome(clip, contradictions=tuple(found), notes=notes)
+    _check_places(recordings, folder, clip, overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
     inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
     made = {file: fingerprint(folder / file) for file in files}
     record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
     append_journal(folder / CONVERTED, [record])
-    return Outcome(clip, files, notes=notes)
+    return ConversionOutcome(clip, files, notes=notes)
 
 
 def notes_on(recording: Recording) -> Iterator[str]:
@@ -142,7 +142,7 @@ def notes_on(recording: Recording) -> Iterator[str]:
     yield from filter(None, map(size_warning, recording.sequence.object.meshes))
 
 
-def check_places(
+def _check_places(
     recordings: list[Recording], folder: Path, clip: SourceClip, *, overwrite: bool
 ) -> None:
     """Make the folders of a clip's sequences, and refuse to replace the clip or files of others."""
@@ -186,7 +186,7 @@ def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
     return {source.resolve() for source in sources if source.is_file()}
 
 
-def records_before(folder: Path) -> dict[str, dict[str, Any]]:
+def _records_before(folder: Path) -> dict[str, dict[str, Any]]:
     """The last record of each clip in a folder's journal, which is written anew without halves."""
     path = folder / CONVERTED
     keep_others(path, "choose another folder")
@@ -196,7 +196,7 @@ def records_before(folder: Path) -> dict[str, dict[str, Any]]:
     return records
 
 
-def is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
+def _is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
     """Whether a record is of the same work, and the files that it read and wrote are as they were.
 
     So the last entry of each output file counts: where a clip of another name replaced a file, it

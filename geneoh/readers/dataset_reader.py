@@ -80,7 +80,7 @@ class DatasetReader:
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
         """One interaction with all of its frames, as labels of frames count them."""
         where, checks = str(clip.path), parts.cross_checks
-        motion, about_object = object_of(parts, options, where)
+        motion, about_object = _object_of(parts, options, where)
         motion, about_meshes = meshes.with_parts(motion)
         names = tuple(parts.meshes)
         if len(names) != len(motion.meshes):
@@ -88,7 +88,7 @@ class DatasetReader:
         notes = [*about_object, *parts.notes, *about_meshes]
         if self.fps_assumed and options.fps is None:
             notes.append(f"{self.fps:g} frames a second assumed; --fps says otherwise")
-        hands, about_hands = hands_of(parts, parts.convention or self.convention, options, where)
+        hands, about_hands = _hands_of(parts, parts.convention or self.convention, options, where)
         rate = self.fps if parts.fps is None else parts.fps
         if parts.clock is None and options.fps is not None:
             rate = options.fps
@@ -112,7 +112,7 @@ def reads(
     return lambda parts: DatasetReader(parts, patterns, **how)
 
 
-def object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[ObjectTrack, Notes]:
+def _object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[ObjectTrack, Notes]:
     """The object of an interaction, or the caller's where its source has none, and a note then."""
     if parts.stated is not None:
         return parts.stated, ()
@@ -124,7 +124,7 @@ def object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[Obj
     return builders.object_track(parts.meshes.values(), parts.motion), ()
 
 
-def hands_of(
+def _hands_of(
     parts: ClipParts, convention: base.ManoConvention, options: ReaderOptions, where: str
 ) -> tuple[list[HandTrack], list[str]]:
     """The hands that were observed in some frame, and what was assumed of them."""
@@ -171,7 +171,7 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
     found = []
     for span in stretches:
         if any(bool(hand.valid[span].any()) for hand in whole.sequence.hands):
-            name, part = f"{whole.name}_{span.start:05d}", builders.part_of(whole.sequence, span)
+            name, part = f"{whole.name}_{span.start:05d}", builders.stretch_of(whole.sequence, span)
             found.append(Recording(name, part, whole.mesh_names, whole.cross_checks[span]))
     if not found:
         raise InputError(f"{whole.name}: expected a hand and the object in one frame, got none")

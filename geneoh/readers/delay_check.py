@@ -14,7 +14,7 @@ from torch import Tensor
 from geneoh.errors import numbered
 from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.keypoints import PALM, keypoints
+from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 LONGEST, MOST_DELAYS = 0.3, 15
@@ -56,7 +56,7 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
     if not motion.meshes or hand.frames < LEAST_FRAMES:
         return 0
     delays = delays_at(fps)
-    palm = keypoints(fill_gaps(hand))[:, PALM].double().cpu().numpy()
+    palm = keypoints_of(fill_gaps(hand))[:, PALM].double().cpu().numpy()
     seen = binary_erosion(hand.valid.cpu().numpy(), iterations=BESIDE_GAPS, border_value=1)
     ways = [
         wandering(palm, seen, delays, motion.rotation[:, part], motion.translation[:, part], fps)
@@ -89,7 +89,7 @@ def wandering(
     margin = int(delays.max())
     usable = moves(palm, rotation, place, fps) & seen
     usable[:margin], usable[len(usable) - margin :] = False, False
-    blocks = blocks_of(usable, max(BLOCK_FRAMES, round(BLOCK * fps)))
+    blocks = _blocks_of(usable, max(BLOCK_FRAMES, round(BLOCK * fps)))
     if sum(map(len, blocks)) < max(LEAST_FRAMES, LEAST * fps):
         return np.zeros((0, len(delays)))
     found = []
@@ -108,7 +108,7 @@ def moves(palm: Array, turn: Array, shift: Array, fps: float) -> Array:
     return np.append(gaussian_filter1d(speed, SPEED_SMOOTHING * fps) > MOVING_SPEED, False)
 
 
-def blocks_of(usable: Array, length: int) -> list[Array]:
+def _blocks_of(usable: Array, length: int) -> list[Array]:
     """The usable frames of each stretch of a length in which at least half of them are usable."""
     starts = range(0, len(usable), length)
     every = [start + np.flatnonzero(usable[start : start + length]) for start in starts]

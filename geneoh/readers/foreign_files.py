@@ -13,7 +13,8 @@ import numpy as np
 from geneoh.errors import InputError
 from geneoh.files.reading import open_text, read_bytes
 from geneoh.files.values import read_values
-from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, Shape, as_record
+from geneoh.readers.nested_lists import Shape
+from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, as_record
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
 """Shapes of the object's poses."""

@@ -95,7 +95,7 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]
     found, notes = [], []
     batches = batches_of_file(path) if path.is_file() else batches_of_folder(path, notes)
     for number, record in batches:
-        if is_empty(record):
+        if _is_empty(record):
             continue
         made = read_batch(record, focal, number)
         if number is None and "frame" not in record and len(made.right) > 1:
@@ -177,7 +177,7 @@ def side_field(record: Record) -> str:
     return "is_right" if "is_right" in record and "right" not in record else "right"
 
 
-def is_empty(record: Record) -> bool:
+def _is_empty(record: Record) -> bool:
     """Whether a batch holds no detection, as that of an image without a hand."""
     names = (side_field(record), "pred_keypoints_3d")
     return all(name in record and not record.numbers(name).size for name in names)
@@ -194,9 +194,9 @@ def read_batch(record: Record, focal: float | None, number: int | None) -> Detec
         record = Record(inner.where, {**record.values, **inner.values}, AS_DUMPED)
     named = "pred_mano_params" in record or not any(name in record for name in PARAMETERS)
     params = record.record("pred_mano_params") if named else record
-    turns = [turns_of(params, "global_orient", 1), turns_of(params, "hand_pose", 15)]
+    turns = [_turns_of(params, "global_orient", 1), _turns_of(params, "hand_pose", 15)]
     params.refuse_lengths("global_orient", "hand_pose")
-    place, crop = place_of(record, right, focal)
+    place, crop = _place_of(record, right, focal)
     frame = frames_of_rows(record, len(right), number)
     betas = params.array("betas", ("B", 10))
     points = record.array("pred_keypoints_3d", ("B", 21, 3))
@@ -206,7 +206,7 @@ def read_batch(record: Record, focal: float | None, number: int | None) -> Detec
     return Detections(*made)
 
 
-def turns_of(params: Record, name: str, count: int) -> Array:
+def _turns_of(params: Record, name: str, count: int) -> Array:
     """(B, count, 3, 3) rotations of a field: matrices, or the axis-angle vectors of WiLoR-mini."""
     values = params.array(name, ("B", count, 3, 3), ("B", count, 3), ("B", 3 * count))
     if values.ndim == 4:
@@ -226,7 +226,7 @@ def frames_of_rows(record: Record, count: int, number: int | None) -> Array:
     return np.array(frames)
 
 
-def place_of(record: Record, right: Array, focal: float | None) -> tuple[Array, Array]:
+def _place_of(record: Record, right: Array, focal: float | None) -> tuple[Array, Array]:
     """(B, 3) place in the whole image's camera, and (B, 3) the crop's camera that it was made of.
 
     It is `pred_cam_t_full` of the demos, or made as there (cam_crop_to_full), with the true focal

@@ -16,8 +16,9 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.readers.mano import mean_wrist_offset
 from geneoh.readers.records import Array
 from geneoh.sequence.camera import wrist_of
+from geneoh.sequence.distance_check import ball_distance
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.validation import FARTHEST_SCENE, ball_distance
+from geneoh.sequence.validation import FARTHEST_SCENE
 
 TOUCHING_REACH = 0.25
 """Metres from the wrist to the object's ball beyond which no hand can touch the object,
@@ -46,7 +47,7 @@ Reading = tuple[Array, Array, Array]
 """(T, 3) wrist, and (T, 3, 3) rotation and (T, 3) translation of the object, metres."""
 
 
-def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
+def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     """Whether the wrist comes near the origin and an object without a mesh, and moves at all."""
     wrist, seen = wrist_of(hand), hand.trust[:, 0] > 0
     away = float(wrist.norm(dim=-1).masked_fill(~seen, torch.inf).min())
@@ -106,9 +107,9 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
             f"and {1000 * others[best]:.1f} mm with {best}"
         )
         return
-    wanders = scatter(held, steps)
+    wanders = _scatter(held, steps)
     told = near.keys() & SCATTERED
-    ways = {words: scatter(near[words], steps) for words in sorted(told)}
+    ways = {words: _scatter(near[words], steps) for words in sorted(told)}
     best = min(ways, key=ways.__getitem__, default="")
     if best and wanders > SCATTER and ways[best] < SCATTER_SHARE * wanders:
         yield (
@@ -156,7 +157,7 @@ def slip(local: Array, steps: Array) -> float:
     return float(np.median(np.linalg.norm(local[steps + 1] - local[steps], axis=1)))
 
 
-def scatter(local: Array, steps: Array) -> float:
+def _scatter(local: Array, steps: Array) -> float:
     """Deviation of a point's place in the object's frame, metres: hardly more for a noisy hand."""
     return float(np.linalg.norm(local[steps].std(axis=0)))
 

@@ -57,7 +57,9 @@ def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
 def order_of_points(points: object) -> JointOrder | None:
     """The one order that has as many keypoints as (T, N, 3) `points`, where they are not 21."""
     shape = points.shape if isinstance(points, Array) else ()
-    known = [name for name, order in ORDERS.items() if (order.count, 3) == shape[1:]]
+    known: list[JointOrder] = [
+        name for name, order in ORDERS.items() if (order.count, 3) == shape[1:]
+    ]
     return known[0] if len(known) == 1 else None
 
 

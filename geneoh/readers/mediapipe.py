@@ -43,14 +43,14 @@ NOTES = (
 
 
 @dataclass(frozen=True)
-class Track:
+class LandmarkTrack:
     """One hand of a file: (T, 21, 3) points with NaN where it was not seen, and (T,) trust."""
 
     points: Array
     trust: Array
 
 
-Tracks = dict[Side | None, Track]
+Tracks = dict[Side | None, LandmarkTrack]
 """The hands of a file by the side that it says; None where it says none."""
 
 
@@ -68,7 +68,7 @@ class Landmarks:
 
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
     """The hands in the value of a JSON file; None where it is no result of MediaPipe."""
-    frames = frames_in(value)
+    frames = _frames_in(value)
     names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
     if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
         return None
@@ -76,7 +76,7 @@ def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
     return Landmarks(tracks, (*NOTES, *notes), stamps_in(value, frames, where))
 
 
-def frames_in(value: Any) -> list[Any]:
+def _frames_in(value: Any) -> list[Any]:
     """The results in a JSON value, one a frame: in a list, or by numbers or times of their frames.
 
     Times are in whole milliseconds or smaller units. Each may stand under "result" beside its time.
@@ -121,7 +121,7 @@ def tracks_in(frames: list[Any], where: str, side: Side | None) -> tuple[Tracks,
         hands = hands_in(record, side)
         most = max(most, len(hands))
         if len(hands) == 2 and hands[0].side == hands[1].side and hands[0].side is not None:
-            hands, alike = told_apart(hands, latest), alike + 1
+            hands, alike = _told_apart(hands, latest), alike + 1
         for hand in hands:
             track = found.setdefault(hand.side, empty_track(len(frames)))
             if hand.score > track.trust[index]:
@@ -159,7 +159,7 @@ def hands_in(record: Record, side: Side | None) -> list[Detected]:
     return found
 
 
-def told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
+def _told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
     """Two hands of one side with a side each: like the latest hands, else by the surer one."""
     named = hands[0].side
     assert named is not None, "hands without a side are not told apart"
@@ -205,9 +205,9 @@ def field_of(record: Record, names: Iterable[str]) -> list[Any]:
     return [] if name is None else record.items(name)
 
 
-def empty_track(frames: int) -> Track:
+def empty_track(frames: int) -> LandmarkTrack:
     """A hand that was not seen."""
-    return Track(np.full((frames, 21, 3), np.nan), np.zeros(frames))
+    return LandmarkTrack(np.full((frames, 21, 3), np.nan), np.zeros(frames))
 
 
 def points_in(value: Any, where: str) -> Array:

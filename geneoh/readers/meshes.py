@@ -12,7 +12,8 @@ from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
 from geneoh.files.outputs import is_ours
-from geneoh.geometry.mesh import MESH_SUFFIXES, METRES, Mesh, load_mesh
+from geneoh.geometry.mesh import METRES, Mesh
+from geneoh.geometry.mesh_files import MESH_SUFFIXES, load_mesh
 from geneoh.readers.npz_layouts import MESH_FIELDS
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
@@ -85,11 +86,11 @@ def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
     arrays = {HASHES: np.array([mesh.sha256 for mesh in meshes])}
     sources = [mesh.source for mesh in meshes if mesh.source is not None]
     if len(sources) == len(meshes):
-        arrays[FILES] = np.array([seen_from(folder, source) for source in sources])
+        arrays[FILES] = np.array([_seen_from(folder, source) for source in sources])
     return arrays
 
 
-def seen_from(folder: Path, file: Path) -> str:
+def _seen_from(folder: Path, file: Path) -> str:
     """The path from a folder to a file, so that both can be moved together."""
     try:
         return Path(os.path.relpath(file, folder)).as_posix()

@@ -13,17 +13,20 @@ from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, numbered, shortened
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
+from geneoh.geometry.mesh import METRES, Mesh
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
 from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
+from geneoh.readers.npz_hands import read_hands
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
-from geneoh.readers.npz_tracks import read_hands, read_object
+from geneoh.readers.npz_objects import read_object
+from geneoh.readers.places import Place, place_of
 from geneoh.readers.recordings import read
-from geneoh.readers.records import Array, Notes, Place, Record, float32, place_of
+from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.validation import check_sequence, check_tracks
@@ -106,7 +109,8 @@ def load(
     record = with_callers(record, "obj_pose", object_pose)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
-    for note in npz_layouts.misspelt(record, layout):  # first: it may be why the rest is refused
+    # first: it may be why the rest is refused
+    for note in npz_layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
     notes = (*notes, missing) if missing else notes

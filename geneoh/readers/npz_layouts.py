@@ -129,7 +129,7 @@ def refuse_other_format(record: Record) -> None:
         raise record.refuse("version", str(VERSION), remedy)
 
 
-def misspelt(record: Record, layout: Layout) -> list[str]:
+def misspelt_fields(record: Record, layout: Layout) -> list[str]:
     """Unknown fields that look like a known one that the file lacks, with that one."""
     known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, *MESH_FIELDS}
     missing = sorted(known - set(record.values))

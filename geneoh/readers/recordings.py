@@ -12,7 +12,8 @@ from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, checked_call, closest_name, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
-from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
+from geneoh.geometry.mesh import METRES
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.readers.base import (
     OF_SOME,
@@ -23,10 +24,12 @@ from geneoh.readers.base import (
     fit_for_name,
 )
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
-from geneoh.readers.records import Array, Record, place_of
+from geneoh.readers.places import place_of
+from geneoh.readers.records import Array, Record
 from geneoh.readers.registry import SOURCES, Source
+from geneoh.sequence.distance_check import check_distance
 from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.validation import check_distance, check_sequence
+from geneoh.sequence.validation import check_sequence
 
 
 @checked_call
@@ -189,7 +192,7 @@ def without_idle_hand(recording: Recording) -> Recording:
     if not idle or len(idle) == len(sequence.hands):
         return recording
     note = f"the {min(idle)} hand never comes near the object and was left out"
-    return with_hands(recording, sides_of(recording) - idle, note)
+    return _with_hands(recording, sides_of(recording) - idle, note)
 
 
 def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions) -> Recording:
@@ -203,7 +206,7 @@ def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions)
     if options.side not in sides_of(recording):
         got = " and ".join(sides_of(recording))
         raise InputError(f"{clip.path}: expected a {options.side} hand, got {got}; drop --side")
-    return with_hands(recording, {options.side})
+    return _with_hands(recording, {options.side})
 
 
 def sides_of(recording: Recording) -> set[Side]:
@@ -211,7 +214,7 @@ def sides_of(recording: Recording) -> set[Side]:
     return {hand.side for hand in recording.sequence.hands}
 
 
-def with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording:
+def _with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording:
     """Only the hands of some sides, with notes on why."""
     sequence = recording.sequence
     hands = tuple(hand for hand in sequence.hands if hand.side in sides)

@@ -4,9 +4,8 @@ Every refusal names the file and the field, what was expected, what came and wha
 """
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -15,50 +14,24 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from geneoh.errors import InputError
+from geneoh.readers.nested_lists import (
+    NUMBERS_LIMIT,
+    Shape,
+    array_in,
+    count_entries,
+    is_transposed,
+    matches,
+    shown_shape,
+    without_ones,
+)
 
 Array = np.ndarray
 
 Notes = tuple[str, ...]
 """What had to be assumed, in words."""
 
-Place = tuple[float | int, float | int, float | int]
-"""A point of the world, metres."""
-
-
-def place_of(given: Any, caller: str) -> Place:
-    """A camera's place that is given in Python, as numbers or as `place_in` takes it."""
-    if not isinstance(given, str):
-        record = Record(caller, {"camera": given}, "give X, Y and Z in metres, or 'origin'")
-        x, y, z = record.array("camera", (3,)).tolist()
-        return x, y, z
-    try:
-        return place_in(given)
-    except InputError as error:
-        raise InputError(f"{caller}: 'camera' must be a place: {error}") from None
-
-
-def place_in(text: str) -> Place:
-    """A place from `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
-    try:
-        x, y, z = (0.0, 0.0, 0.0) if text.lower() == "origin" else map(float, text.split(","))
-    except ValueError:
-        raise InputError(
-            f"expected three numbers X,Y,Z in metres, or origin, got {text!r}; correct it"
-        ) from None
-    return x, y, z
-
-
-Shape = tuple[int | str, ...]
-"""Sizes of the axes: a number, or a letter for any size from 1 up. Equal letters, equal sizes."""
-
-NUMBERS_LIMIT = 2**27
-"""Numbers of one field: a gigabyte of float64, though a file may hold them as single bytes."""
-
 FRAME_LIMIT = 3 * 10**5
 """Frames of one clip of a data set: almost three hours at 30 frames a second."""
-
-NESTING_LIMIT = 64
-"""Lists within lists that numpy turns into an array."""
 
 AS_DISTRIBUTED = "check that this is the file of the data set, as it is distributed"
 """What to do about a wrong field of a data set's file."""
@@ -112,7 +85,7 @@ class Record:
         cure = remedy if array.size else "at least one frame is needed"
         if not cure and self.remedy.startswith(RESHAPE) and is_transposed(array.shape, shapes):
             cure = "bring its axes into this order with transpose, reshape would mix them"
-        wanted = " or ".join(map(shown, shapes))
+        wanted = " or ".join(map(shown_shape, shapes))
         nested = isinstance(self.values.get(name), list)  # whose shape is told, too
         told = replace(self, values={**self.values, name: array}) if nested else self
         raise told.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
@@ -260,70 +233,6 @@ def float32(values: Array) -> Tensor:
     """float32, as all tracks are; what is too large for it becomes infinite, and is refused."""
     with np.errstate(over="ignore"):
         return torch.from_numpy(np.array(values, dtype=np.float32))
-
-
-def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0) -> int:
-    """How many numbers a list of lists would become; a list that occurs twice counts twice.
-
-    Counted before the array is made: fifty lists that each hold the next one twice fill any memory.
-    Lists that numpy would not turn into an array count as too many.
-    """
-    if isinstance(value, np.ndarray):
-        return value.size
-    if not isinstance(value, list | tuple):
-        return 1
-    if depth > NESTING_LIMIT:
-        return NUMBERS_LIMIT + 1
-    seen = {} if seen is None else seen
-    if id(value) not in seen:
-        seen[id(value)] = NUMBERS_LIMIT + 1  # until it is counted: a list that holds itself
-        seen[id(value)] = sum(count_entries(item, seen, depth + 1) for item in value)
-    return seen[id(value)]
-
-
-def array_in(value: Any) -> Array:
-    """Lists of lists or arrays as one array; null or None for one of them is as many NaN."""
-    try:
-        return np.asarray(value)
-    except ValueError:
-        filled = without_gaps(value)
-        if count_entries(filled) > NUMBERS_LIMIT:
-            raise
-        return np.asarray(filled)
-
-
-def without_gaps(value: Any) -> Any:
-    """Lists with NaN in place of None beside lists or arrays; `ValueError` for uneven ones."""
-    if not isinstance(value, list):
-        return value
-    rows = [without_gaps(each) for each in value]
-    like = next((row for row in rows if np.ndim(row)), None)
-    lost = None if like is None else np.full(np.shape(like), np.nan)
-    return [lost if row is None else row for row in rows]
-
-
-def is_transposed(shape: tuple[int, ...], patterns: Iterable[Shape]) -> bool:
-    """Whether an array's shape is one that a pattern allows with its axes in another order."""
-    return any(matches(shape, each) for pattern in patterns for each in permutations(pattern))
-
-
-def matches(shape: tuple[int, ...], pattern: Shape) -> bool:
-    """Whether an array's shape is one that the pattern allows."""
-    sizes: dict[str, int] = {}
-    return len(shape) == len(pattern) and all(
-        0 < size == sizes.setdefault(want, size) if isinstance(want, str) else size == want
-        for size, want in zip(shape, pattern, strict=True)
-    )
-
-
-def without_ones(shape: Shape) -> Shape:
-    """A shape without its axes of one."""
-    return tuple(size for size in shape if size != 1)
-
-
-def shown(shape: Shape) -> str:
-    """A shape for a message."""
-    return f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
 
 
 def described(value: Any) -> str:

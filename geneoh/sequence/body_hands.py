@@ -25,7 +25,7 @@ def hand_offsets(skeleton: Skeleton, side: Side) -> Float[Tensor, "*B 20 3"]:
     return torch.cat([bones, scale[..., None] * own[15:]], dim=-2)
 
 
-def hand_track(skeleton: Skeleton, motion: BodyMotion, side: Side) -> HandTrack:
+def _hand_track(skeleton: Skeleton, motion: BodyMotion, side: Side) -> HandTrack:
     """One hand of T frames in the body's world: keypoints, pose and wrist.
 
     A hand of the embedded skeleton has its betas too, all zero.
@@ -53,4 +53,4 @@ def hand_track(skeleton: Skeleton, motion: BodyMotion, side: Side) -> HandTrack:
 
 def hand_tracks(skeleton: Skeleton, motion: BodyMotion) -> tuple[HandTrack, ...]:
     """The left and the right hand."""
-    return tuple(hand_track(skeleton, motion, side) for side in SIDES)
+    return tuple(_hand_track(skeleton, motion, side) for side in SIDES)

@@ -13,7 +13,7 @@ from geneoh.errors import numbered
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
-from geneoh.sequence.keypoints import PALM, keypoints
+from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
@@ -140,7 +140,7 @@ def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
 
 def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     """Keypoints of a track, metres, world frame; frames without any trusted one are filled."""
-    return keypoints(fill_gaps(replace(hand, valid=hand.observed)))
+    return keypoints_of(fill_gaps(replace(hand, valid=hand.observed)))
 
 
 def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:

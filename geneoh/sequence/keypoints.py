@@ -11,7 +11,7 @@ PALM = (0, 5, 9, 13, 17)
 """Keypoints of the wrist and of the knuckles."""
 
 
-def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
+def keypoints_of(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     """Keypoints of a track, of a mean hand where it has none, metres, world frame."""
     if hand.joints is not None:
         return hand.joints

@@ -76,12 +76,12 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
         )
     between = evenly(sequence.frames, frames, sequence.object.rotation.device)
     fps = round(sequence.fps * (frames - 1) / (sequence.frames - 1), FPS_DIGITS)
-    return replace(interpolated(sequence, between), fps=fps)
+    return replace(_interpolated(sequence, between), fps=fps)
 
 
 def at_times(sequence: Sequence, time: Float[Tensor, " N"]) -> Sequence:
     """The same motion at times in frames from its start, one for each frame of the result."""
-    return interpolated(sequence, instants(time, sequence.frames))
+    return _interpolated(sequence, instants(time, sequence.frames))
 
 
 def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
@@ -109,7 +109,7 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
     return replace(sequence, hands=hands)
 
 
-def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
+def _interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
     """A sequence at instants between its frames; see `over_frames`."""
     nearest = between.nearest
     motion = replace(

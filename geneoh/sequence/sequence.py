@@ -11,7 +11,8 @@ from geneoh.bundle import Bundle, Index, conform, equal_values, repr_by_shapes
 from geneoh.choices import HAND_SOURCES, OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh, meshes_of
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import meshes_of
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 
 

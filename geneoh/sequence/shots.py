@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from geneoh.sequence.keypoints import PALM, keypoints
+from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack
 
 LEAP, LARGER = 0.15, 3.0
@@ -22,7 +22,7 @@ def shots_of(hand: HandTrack, fps: float) -> list[slice]:
     Frames without the hand beside a cut belong to the shot before it.
     """
     seen = np.flatnonzero(hand.observed.cpu().numpy())
-    place = keypoints(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
+    place = keypoints_of(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
     leaps = np.linalg.norm(np.diff(place, axis=0), axis=1)
     steps = leaps / np.diff(seen)
     likely = np.flatnonzero(steps > LEAP * max(1.0, 30 / fps)).tolist()

@@ -12,9 +12,9 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import pairwise_distances
-from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import is_rotation
 from geneoh.hand.skeleton import LARGEST_HAND, SMALLEST_HAND
+from geneoh.sequence.distance_check import WRIST_FROM_ORIGIN, check_distance, least_distance
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LARGEST_ANGLE = 4 * torch.pi
@@ -29,10 +29,6 @@ FARTHEST_POINT = 1e4
 
 FARTHEST_SCENE = 100.0
 """Distance in metres from the world's origin beyond which hardly any recording takes place."""
-
-FARTHEST_HAND = 0.5
-"""Largest distance in metres between the object's bounding ball and the wrist in the frame in which
-they are nearest."""
 
 UNIT_TOLERANCE = 1e-3
 """Largest difference from 1 of the length of a direction."""
@@ -50,9 +46,6 @@ IN_MM = 40
 FLAT = 0.02
 """Share of the largest extent of the keypoints along an axis that the smallest is below where they
 lie in a plane, as those of a picture do; in the recording it is a fifth and more."""
-
-WRIST_FROM_ORIGIN = 0.15
-"""Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
 
 
 def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
@@ -132,37 +125,59 @@ def check_hand(hand: HandTrack, name: str) -> None:
             "leave them out where they are not known"
         )
     if hand.confidence is not None:
-        sure = hand.confidence[hand.valid]
-        if not bool(((sure >= 0) & (sure <= 1)).all()):
-            raise InputError(
-                f"{name}: 'confidence' of the {hand.side} hand must be between 0 and 1, got "
-                f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
-            )
+        check_confidence(hand, hand.confidence, name)
     if hand.joints is not None:
         check_size(hand, hand.joints, name)
     if hand.joints is not None and hand.wrist is not None:
-        apart = (hand.wrist - hand.joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
-        if len(apart) and float(apart.median()) > WRIST_APART:
-            raise InputError(
-                f"{name}: 'wrist' of the {hand.side} hand must be where keypoint 0 of 'joints' is, "
-                f"got {float(apart.median()):.2g} m between them; give both in the same frame, or "
-                "leave the pose and its wrist out"
-            )
+        check_wrist(hand, hand.wrist, hand.joints, name)
     if hand.pose is not None:
-        angle = float(hand.pose[hand.valid].norm(dim=-1).max())
-        if angle > LARGEST_ANGLE:
-            raise InputError(
-                f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
-                f"angle of {angle:.3g}; convert degrees to radians"
-            )
-    if (ray := hand.camera_ray) is not None:
-        lengths = ray.norm(dim=-1)
-        if ray.shape != (hand.frames, 3) or not bool(((lengths - 1).abs() < UNIT_TOLERANCE).all()):
-            raise InputError(
-                f"{name}: the camera_ray of the {hand.side} hand must be {hand.frames} directions "
-                f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
-                f"{float(lengths.max()):.3g}; divide each by its length"
-            )
+        check_angles(hand, hand.pose, name)
+    if hand.camera_ray is not None:
+        check_rays(hand, hand.camera_ray, name)
+
+
+def check_confidence(hand: HandTrack, confidence: Float[Tensor, "T 21"], name: str) -> None:
+    """Refuse a confidence outside of 0 to 1 in frames with the hand."""
+    sure = confidence[hand.valid]
+    if not bool(((sure >= 0) & (sure <= 1)).all()):
+        raise InputError(
+            f"{name}: 'confidence' of the {hand.side} hand must be between 0 and 1, got "
+            f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
+        )
+
+
+def check_wrist(
+    hand: HandTrack, wrist: Float[Tensor, "T 3"], joints: Float[Tensor, "T 21 3"], name: str
+) -> None:
+    """Refuse a wrist that is not where the first keypoint is."""
+    apart = (wrist - joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
+    if len(apart) and float(apart.median()) > WRIST_APART:
+        raise InputError(
+            f"{name}: 'wrist' of the {hand.side} hand must be where keypoint 0 of 'joints' is, "
+            f"got {float(apart.median()):.2g} m between them; give both in the same frame, or "
+            "leave the pose and its wrist out"
+        )
+
+
+def check_angles(hand: HandTrack, pose: Float[Tensor, "T 16 3"], name: str) -> None:
+    """Refuse a pose that is not in radians."""
+    angle = float(pose[hand.valid].norm(dim=-1).max())
+    if angle > LARGEST_ANGLE:
+        raise InputError(
+            f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
+            f"angle of {angle:.3g}; convert degrees to radians"
+        )
+
+
+def check_rays(hand: HandTrack, ray: Tensor, name: str) -> None:
+    """Refuse directions from the camera that are not one of length 1 for each frame."""
+    lengths = ray.norm(dim=-1)
+    if ray.shape != (hand.frames, 3) or not bool(((lengths - 1).abs() < UNIT_TOLERANCE).all()):
+        raise InputError(
+            f"{name}: the camera_ray of the {hand.side} hand must be {hand.frames} directions "
+            f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
+            f"{float(lengths.max()):.3g}; divide each by its length"
+        )
 
 
 def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> None:
@@ -263,75 +278,3 @@ def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
         f"determinant {determinant:.3g}; a scale belongs to the mesh, divide the matrix by it "
         "and multiply the vertices"
     )
-
-
-def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
-    """Refuse a hand that never comes near its object: other units, another frame, other object."""
-    nearest = least_distance(hand, motion)
-    if nearest > FARTHEST_HAND:
-        remedies = []
-        if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
-            remedies.append(
-                f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
-                "world to object; invert them to object to world"
-            )
-        if least_distance(in_other_axes(hand), motion) < FARTHEST_HAND:
-            remedies.append(
-                "with y and z negated it comes near: hand and object seem to be in the axes of "
-                "OpenCV and OpenGL; negate y and z of the hand"
-            )
-        remedy = "; or ".join(remedies) or (
-            "check that both are in metres and in the same frame, and that the object's poses are "
-            "given (--object-pose)"
-        )
-        raise InputError(
-            f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
-            f"{nearest:.3g} m away from it; {remedy}"
-        )
-
-
-def in_other_axes(hand: HandTrack) -> HandTrack:
-    """The keypoints and wrist with y and z negated, as between cameras of OpenCV and OpenGL."""
-    flip = torch.tensor([1.0, -1.0, -1.0], device=hand.valid.device)
-    turned = {"joints": hand.joints, "wrist": hand.wrist}
-    return replace(hand, **{name: at * flip for name, at in turned.items() if at is not None})
-
-
-def inverted(motion: ObjectTrack) -> ObjectTrack:
-    """The track whose poses are the inverses."""
-    back = Rigid(motion.rotation, motion.translation).inverse()
-    return replace(motion, rotation=back.rotation, translation=back.translation)
-
-
-def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:
-    """Metres from the wrist to its object in the frame in which they are nearest."""
-    return float(distance_to_object(hand, motion)[hand.valid].min())
-
-
-def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " T"]:
-    """Metres of each frame from the wrist to the ball around the nearest part of the object.
-
-    Negative inside; zero without a mesh, a wrist or an observed pose.
-    """
-    wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
-    if not motion.meshes or wrist is None:
-        return torch.zeros(hand.frames, device=hand.valid.device)
-    gaps = [
-        ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
-        for part, mesh in enumerate(motion.meshes)
-        if motion.valid is None or bool(motion.valid[:, part].any())
-    ]
-    return torch.stack(gaps).amin(0) if gaps else wrist.new_zeros(hand.frames)
-
-
-def ball_distance(
-    points: Float[Tensor, "T 3"],
-    verts: Float[Tensor, "V 3"],
-    rotation: Float[Tensor, "T 3 3"],
-    translation: Float[Tensor, "T 3"],
-) -> Float[Tensor, " T"]:
-    """Distance of each frame's point from the ball around the moved mesh; negative inside."""
-    center = (verts.amax(0) + verts.amin(0)) / 2
-    radius = (verts - center).norm(dim=-1).max()
-    center_world = (rotation @ center[:, None])[..., 0] + translation
-    return (points - center_world).norm(dim=-1) - radius

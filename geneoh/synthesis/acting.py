@@ -62,7 +62,7 @@ class ActingConfig:
 
 
 @dataclass(frozen=True)
-class Timing(Bundle):
+class ActionTiming(Bundle):
     """Times of N actions, in frames from their start; columns are of the first and second hand."""
 
     close: Float[Tensor, "N 2"]  # the hand has closed
@@ -108,7 +108,7 @@ def act(
     stood, ground = stood_on_table(surface[first] @ setup.standing.mT)
     middle = stood.mean(1) * torch.eye(3)[2]
     radius = (stood - middle[:, None]).norm(dim=-1).amax(1)
-    moves, timing = draw_timing(verb, setup.paired, radius, config, draws)
+    moves, timing = _draw_timing(verb, setup.paired, radius, config, draws)
     rotation, translation, opened = motion_around(middle, moves.path(timing.start, LONGEST))
     joint = joint_values(verb, held.travel[first], opened)
 
@@ -171,13 +171,13 @@ def joint_values(
     return torch.lerp(travel[:, :1], travel[:, 1:], opened)
 
 
-def draw_timing(
+def _draw_timing(
     verb: Int[Tensor, " N"],
     paired: Bool[Tensor, " N"],
     radius: Float[Tensor, " N"],
     config: ActingConfig,
     draws: Draws,
-) -> tuple[Moves, Timing]:
+) -> tuple[Moves, ActionTiming]:
     """The moves of the objects and the times of the hands; long actions are made quicker."""
     moves = moves_of(verb, radius, config.verbs, draws)
     close = draws.uniform(config.reach, 1) + config.offset * draws.share(2)
@@ -196,7 +196,7 @@ def _timing(
     close: Float[Tensor, "N 2"],
     held: Float[Tensor, " N"],
     config: ActingConfig,
-) -> Timing:
+) -> ActionTiming:
     """When hands close and open around the moves."""
     passed, lifted = (verb == VERBS.index(name) for name in ("pass", "lift"))
     last = torch.where(paired & ~passed, close.amax(1), close[:, 0])
@@ -210,7 +210,7 @@ def _timing(
     release = torch.stack([let_go, end + config.grip], 1)
     release = torch.where(lifted[:, None], LASTING, release)
     length = torch.where(lifted, end + held, end + config.grip + config.leave)
-    return Timing(close, release, start, length)
+    return ActionTiming(close, release, start, length)
 
 
 def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
@@ -228,7 +228,7 @@ def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
 def hand_paths(
     grasps: Grasps,
     setup: ActionSetup,
-    timing: Timing,
+    timing: ActionTiming,
     moving: MovingSolids,
     second_part: Bool[Tensor, " N"],
     config: ActingConfig,

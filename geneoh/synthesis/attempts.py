@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import concatenated
-from geneoh.geometry.mesh import edges_of
+from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand

@@ -14,7 +14,7 @@ from geneoh.synthesis.data_config import ShardConfig
 from geneoh.synthesis.gestures import shards as gesture_shards
 from geneoh.synthesis.gestures.manipulation import ActionSource
 from geneoh.synthesis.scans import find_scans
-from geneoh.synthesis.shards import Source
+from geneoh.synthesis.shards import ShardSource
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class DataKind:
 
     defaults: ShardConfig
     synthesize: Callable[..., Any]
-    source: Callable[[Path, Unit, OnStep], Source | None]
+    source: Callable[[Path, Unit, OnStep], ShardSource | None]
     """What else clips are made of, from the folder to write to and the unit of meshes."""
 
 
@@ -47,7 +47,7 @@ def kind_of_data(
         made = gesture_shards.synthesize_gestures
         return DataKind(gesture_shards.DEFAULTS, made, lambda *_: held)
 
-    def scans(folder: Path, unit: Unit, on_mesh: OnStep) -> Source | None:
+    def scans(folder: Path, unit: Unit, on_mesh: OnStep) -> ShardSource | None:
         return find_scans(folder, meshes, unit, on_mesh=on_mesh)
 
     if actions:

@@ -20,7 +20,8 @@ from geneoh.errors import InputError
 from geneoh.files.atomic import make_folder
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh, size_warning
+from geneoh.geometry.mesh import Mesh, size_warning
+from geneoh.geometry.mesh_files import MESH_SUFFIXES, load_mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.progress import OnStep, steps
 

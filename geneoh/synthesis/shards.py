@@ -29,7 +29,7 @@ from geneoh.workers.pool import in_processes
 
 
 @runtime_checkable
-class Source(Protocol):
+class ShardSource(Protocol):
     """What shards are made of beside their config, such as scanned objects."""
 
     @property
@@ -63,7 +63,7 @@ def write_shards(
     config: ShardConfig,
     *,
     seed: int,
-    scans: Source | None = None,
+    scans: ShardSource | None = None,
     jobs: int = 1,
     on_shard: OnStep | None = None,
     synthesize: Callable[..., Any] = synthesize_shard,
@@ -82,7 +82,7 @@ def write_shards(
     make_folder(folder)
     record = ShardRecord(config, seed, "" if scans is None else scans.fingerprint)
     for path in sorted(folder.glob("*_*.safetensors")):
-        if differs := differences(shard_record(path, config), record):
+        if differs := record_differences(shard_record(path, config), record):
             raise InputError(
                 f"{path}: was made with {differs}; ask for the same or name another folder"
             )
@@ -90,7 +90,7 @@ def write_shards(
     missing = [(index, path) for index, path in named.items() if not path.exists()]
     make = partial(make_shard, record=record, scans=scans, synthesize=synthesize)
     # Alone, this process makes use of all its threads; workers have one each.
-    making = map(make, missing) if jobs == 1 else in_processes(missing, make, jobs, lost)
+    making = map(make, missing) if jobs == 1 else in_processes(missing, make, jobs, _lost)
     for done, _ in enumerate(making, config.shards - len(missing) + 1):
         if on_shard is not None:
             on_shard(done, config.shards)
@@ -100,7 +100,7 @@ def write_shards(
 def make_shard(
     place: tuple[int, Path],
     record: ShardRecord,
-    scans: Source | None,
+    scans: ShardSource | None,
     synthesize: Callable[..., Any],
 ) -> None:
     """Make the shard of a number and write it to its path."""
@@ -118,12 +118,12 @@ def write_clips(path: Path, clips: Bundle, record: ShardRecord) -> None:
     write_tensors(path, tensors, as_dict(record) | texts)
 
 
-def lost(place: tuple[int, Path], why: str) -> None:
+def _lost(place: tuple[int, Path], why: str) -> None:
     """A shard that killed its workers ends the run."""
     raise InputError(f"{place[1]}: {why}")
 
 
-def differences(found: ShardRecord, asked: ShardRecord) -> str:
+def record_differences(found: ShardRecord, asked: ShardRecord) -> str:
     """What differs between two records of how shards were made, in words; empty when nothing."""
     was, wanted = (as_dict(record) for record in (found, asked))
     return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
@@ -214,7 +214,7 @@ def find_shards(folder: Path, split: str, defaults: ShardConfig = DEFAULTS) -> l
         )
     first = shard_record(paths[0], defaults)
     for path in paths[1:]:
-        if differs := differences(shard_record(path, defaults), first):
+        if differs := record_differences(shard_record(path, defaults), first):
             raise InputError(
                 f"{path}: was made with {differs} as in {paths[0].name}; "
                 "keep the shards of one run in a folder"

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 
-def smoothed(values: Float[Tensor, "B T C"], deviation: float) -> Float[Tensor, "B T C"]:
+def smoothed_motion(values: Float[Tensor, "B T C"], deviation: float) -> Float[Tensor, "B T C"]:
     """Values smoothed over time by a Gaussian of a deviation in frames, cut off at three of them.
 
     Before the first and after the last frame they count as they are there.

@@ -13,7 +13,7 @@ COARSEST, THICKNESS_SHARE = 0.004, 0.6
 MARGIN = 0.005  # width of the grid around an object, metres
 
 
-def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
+def mesh_of_solid(solid: Solids, spacing: float = SPACING) -> Mesh:
     """The surface of one object as a closed mesh, by marching cubes on its signed distance.
 
     Only edges are rounded, by about the spacing; a scanned object has a mesh of its own.

@@ -22,7 +22,7 @@ from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.pose_prior import FINGER_STD
-from geneoh.synthesis.smoothing import smoothed
+from geneoh.synthesis.smoothing import smoothed_motion
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,9 @@ def with_kept_contact(
         away = (height < least) & (touching < 0.5)
         weight = torch.where(away, 1.0, touching)
         missing = torch.where(away, least, wanted) - height
-        change = smoothed(_correction(hand, normal, missing, weight, config), config.smoothing)
+        change = smoothed_motion(
+            _correction(hand, normal, missing, weight, config), config.smoothing
+        )
         hand = hand.moved(change if chosen is None else change * chosen[:, None, None])
     return hand
 

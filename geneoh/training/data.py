@@ -165,7 +165,7 @@ def training_data(
             found.append(cut_clips(one, shards, unread))
             problems += unread
             made.append({"source": one.source, "weight": one.weight, "clips": asdict(config.clips)})
-    portions, notes = split(found)
+    portions, notes = _split(found)
     record = made[0] if len(made) == 1 else {"sources": made}
     training, validation = (mixed(each) for each in zip(*portions, strict=True))
     return TrainingData(training, validation, record, (*notes, *problems))
@@ -207,7 +207,7 @@ def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str])
     records: list[ClipRecord] = []
     left_out: Counter[str] = Counter()
     for shard in shards:
-        record = recordings.shard_record(shard)
+        record = recordings.recorded_shard(shard)
         assert record is not None, "it was made or checked just now"
         left_out.update(record.left_out)
         if record.clips:
@@ -226,7 +226,7 @@ def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str])
     return CutClips(source, Streamed.of(clips), records, reasons)
 
 
-def split(found: Sequence[list[Portion] | CutClips]) -> tuple[list[list[Portion]], list[str]]:
+def _split(found: Sequence[list[Portion] | CutClips]) -> tuple[list[list[Portion]], list[str]]:
     """What to learn from and what to validate on of each source, and words on recordings."""
     splits = iter(held_out([each.records for each in found if isinstance(each, CutClips)]))
     portions: list[list[Portion]] = []

@@ -39,7 +39,7 @@ class Progress:
 
 
 @runtime_checkable
-class Piece(Protocol):
+class MicroBatch(Protocol):
     """Samples of a batch on which the loss is taken at once."""
 
     def loss(self, model: Any) -> Tensor:
@@ -65,7 +65,7 @@ class Task(Protocol):
         """A fresh network on the CPU, initialised from the config's seed."""
         ...
 
-    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[Piece]:
+    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[MicroBatch]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
         ...
 
@@ -122,11 +122,13 @@ def learning_rate(step: int, config: RunConfig) -> float:
     return config.rate * warm * min(1.0, left)
 
 
-def batches(task: Task, first: int, team: Team, device: torch.device) -> Iterator[Sequence[Piece]]:
+def batches(
+    task: Task, first: int, team: Team, device: torch.device
+) -> Iterator[Sequence[MicroBatch]]:
     """The batches of the steps from `first` on, each made while the one before is learned."""
     with ThreadPoolExecutor(max_workers=1) as worker:
 
-        def prepared(step: int) -> Future[Sequence[Piece]]:
+        def prepared(step: int) -> Future[Sequence[MicroBatch]]:
             return worker.submit(task.pieces, step, team, device)
 
         ready = prepared(first)
@@ -282,7 +284,7 @@ def first_state(
 
 def update(
     state: TrainState,
-    pieces: Iterable[Piece],
+    pieces: Iterable[MicroBatch],
     config: RunConfig,
     team: Team,
     interrupted: Callable[[], bool],

@@ -21,7 +21,8 @@ from geneoh.errors import GeneOHError, InputError
 from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
-from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import MESH_SUFFIXES
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files
@@ -66,7 +67,7 @@ class ClipRecord:
 
 
 @dataclass(frozen=True)
-class ShardRecord:
+class RecordedShard:
     """What a shard of recordings holds and was made from."""
 
     config: ClipConfig
@@ -77,7 +78,7 @@ class ShardRecord:
     left_out: dict[str, int]  # frames that no clip holds, by the reason
 
 
-def clips_of(source: str, path: Path) -> list[SourceClip]:
+def _clips_of(source: str, path: Path) -> list[SourceClip]:
     """The clips of a source below a path; `InputError` if it does not exist or holds none."""
     if source != SEQUENCES:
         return find_clips(source_named(source), [path])
@@ -130,7 +131,7 @@ def make_shards(
     Raises:
         InputError: no clip of the source can be read; the message says why, of the first.
     """
-    clips, shards, problems = clips_of(source, path), [], []
+    clips, shards, problems = _clips_of(source, path), [], []
     for clip in steps(clips, on_step):
         shard = shard_path(folder, clip)
         try:
@@ -164,7 +165,7 @@ def write_shard(
             cuts += cut_hand(recording, hand, config, left_out)
     meshes = mesh_files(recording.sequence for recording in recordings)
     files = records_of([*files_of(clip, options), *by_path(meshes)])
-    record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
+    record = RecordedShard(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
     write_tensors(shard, tensors, asdict(record), parents=True)
@@ -263,17 +264,17 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderO
 
     Contents are compared of files that are newer than the shard; others only in size.
     """
-    if (record := shard_record(shard)) is None or record.config != config:
+    if (record := recorded_shard(shard)) is None or record.config != config:
         return False
     return are_as_recorded(files_of(clip, options), record.files, shard)
 
 
-def shard_record(shard: Path) -> ShardRecord | None:
+def recorded_shard(shard: Path) -> RecordedShard | None:
     """The record of a shard; None where it is not there, broken, or of another version."""
     try:
         with opened_tensors(shard) as (_, found):
             clips = tuple(ClipRecord(**clip) for clip in found["clips"])
             files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
-            return ShardRecord(ClipConfig(**found["config"]), files, clips, found["left_out"])
+            return RecordedShard(ClipConfig(**found["config"]), files, clips, found["left_out"])
     except (OSError, DamagedTensorsError):
         return None

@@ -8,7 +8,7 @@ from torch import Tensor
 from geneoh.baselines.networks import baseline_weights
 from geneoh.choices import StageName
 from geneoh.config import as_dict, flat, setting_differences, with_table
-from geneoh.denoisers.library import weights_of
+from geneoh.denoisers.library import stage_weights
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
@@ -31,7 +31,7 @@ def started_from(
     if stage == "toch" or stage == "regression":
         path = baseline_weights(stage, folder)
     else:
-        path = weights_of(stage, folder)
+        path = stage_weights(stage, folder)
     saved, asked = load_checkpoint(path), getattr(config, stage)
     try:
         size = dict(saved.record["config"][stage])

@@ -36,7 +36,7 @@ class WindowConfig(Limited):
 
 
 @dataclass(frozen=True)
-class Windows(ObjectSurface):
+class TrainingWindows(ObjectSurface):
     """B windows of T frames, world frame, metres."""
 
     hand: HandParameters
@@ -52,7 +52,9 @@ class Windows(ObjectSurface):
         near = nearest_on_parts(noisy.joints, self)
         return ObservedMotion.of(noisy, keep.float(), near.points, near.normals, region)
 
-    def shaken(self, turn: Float[Tensor, "B T 3"], shift: Float[Tensor, "B T 3"]) -> "Windows":
+    def shaken(
+        self, turn: Float[Tensor, "B T 3"], shift: Float[Tensor, "B T 3"]
+    ) -> "TrainingWindows":
         """The same hand with an object whose parts are turned in their own frames and shifted."""
         rotation = self.rotation @ axis_angle_to_matrix(turn)[:, :, None]
         return replace(self, rotation=rotation, translation=self.translation + shift[:, :, None])
@@ -72,7 +74,9 @@ class WeightedInteractions(Streamed[Interactions]):
     weight: Float[Tensor, " B"]  # how often a clip is drawn, relative to the others
 
 
-def draw_windows(data: Streamed[Interactions], config: WindowConfig, draws: Draws) -> Windows:
+def draw_windows(
+    data: Streamed[Interactions], config: WindowConfig, draws: Draws
+) -> TrainingWindows:
     """Random windows, all of one length."""
     whole, generator = draws.whole, draws.generator
     short = torch.rand((), generator=generator) < config.short_share
@@ -98,7 +102,7 @@ def draw_windows(data: Streamed[Interactions], config: WindowConfig, draws: Draw
     fixed = clips.points, clips.normals, clips.part
     motion = clips.rotation[row, window], clips.translation[row, window]
     hand = clips.wrist[row, window], clips.pose[row, window], clips.offsets
-    return Windows(*fixed, *motion, HandParameters.of_pose(*hand))
+    return TrainingWindows(*fixed, *motion, HandParameters.of_pose(*hand))
 
 
 def filled(hand: HandParameters, keep: Bool[Tensor, "B T"]) -> HandParameters:

@@ -105,14 +105,14 @@ def glb_bytes(scene: Scene, look: Look = DEFAULT_LOOK) -> bytes:
     hands = [_add_hand(document, hand, times) for hand in version.hands]
     children = [wrist for _, wrist in hands]
     children += [_add_part(document, scene, i, times) for i in range(len(scene.object.meshes))]
-    turn = torch.from_numpy(upright(look.upward)).float()
+    turn = torch.from_numpy(turn_to_y_up(look.upward)).float()
     w, x, y, z = matrix_to_quat_wxyz(turn).tolist()
     root = document.add("nodes", {"name": "world", "rotation": [x, y, z, w], "children": children})
     # a skinned mesh goes where its joints are, whatever its own node
     return document.to_bytes([root, *(mesh for mesh, _ in hands)], version.title)
 
 
-def upright(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+def turn_to_y_up(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
     """The rotation of the world by which `up` becomes y: (x, y, z) with z up to (x, z, -y)."""
     level = np.eye(3)[np.abs(up).argmin()]
     return axes_towards(np.cross(level, up), up)

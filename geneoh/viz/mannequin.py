@@ -5,7 +5,8 @@ from torch import Tensor
 
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, PARENTS
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.interrupts import interrupts_wait
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.sequence import ObjectTrack

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from geneoh.body.motion import turned
+from geneoh.body.motion import turned_body
 from geneoh.choices import Colouring
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step, write_whole
@@ -23,7 +23,7 @@ from geneoh.readers.bodies.bvh import bvh_text
 from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.npz_files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
-from geneoh.viz.glb import glb_bytes, upright
+from geneoh.viz.glb import glb_bytes, turn_to_y_up
 from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import PosedTrack, Scene
@@ -115,8 +115,8 @@ def write(
         case ".bvh":
             body = scene.body
             assert body is not None, "a BVH of hands alone was refused"
-            turn = torch.from_numpy(upright(Look(up=body.up).upward)).to(body.motion.root)
-            motion = turned(body.file_motion, turn)
+            turn = torch.from_numpy(turn_to_y_up(Look(up=body.up).upward)).to(body.motion.root)
+            motion = turned_body(body.file_motion, turn)
             write_whole(path, bvh_text(body.skeleton, motion, scene.fps))
         case ".obj" | ".ply":
             return write_meshes(scene, path, on_step)

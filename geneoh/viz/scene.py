@@ -107,7 +107,7 @@ class Version:
                 colours = ramp_colours(colouring, position)
                 verts, faces = hand.verts[frame].numpy(), hand.model.faces.numpy()
                 surfaces.append(DrawnSurface(verts, faces, colours, position))
-        return joined(surfaces) if surfaces else None
+        return _joined(surfaces) if surfaces else None
 
 
 @dataclass(frozen=True)
@@ -187,10 +187,10 @@ class Scene:
             )
             position = np.zeros(len(verts), dtype=np.float32)
             surfaces.append(DrawnSurface(verts, mesh.faces.numpy(), colours, position))
-        return joined(surfaces) if surfaces else None
+        return _joined(surfaces) if surfaces else None
 
 
-def joined(surfaces: list[DrawnSurface]) -> DrawnSurface:
+def _joined(surfaces: list[DrawnSurface]) -> DrawnSurface:
     """Several surfaces as one."""
     starts = np.cumsum([0] + [len(each.verts) for each in surfaces[:-1]])
     faces = [each.faces + start for each, start in zip(surfaces, starts, strict=True)]
@@ -255,11 +255,11 @@ def with_body(scene: Scene, body: BodyRecording) -> Scene:
             f"{scene.frames}; cut them to the same frames"
         )
     limbs = mannequin(body)
-    shown = with_parts(scene.object, limbs)
+    shown = with_parts_behind(scene.object, limbs)
     return replace(scene, object=shown, body=body, limbs=len(limbs.meshes))
 
 
-def with_parts(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
+def with_parts_behind(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
     """An object with the parts of another one behind its own."""
     own = len(motion.meshes)  # without a mesh a track holds the pose of none
     return ObjectTrack(

@@ -18,7 +18,7 @@ from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import NoFirstGraspsError, Replay, replay_shard
 from geneoh.synthesis.shards import find_shards
 from geneoh.synthesis.solids import PARTS
-from geneoh.synthesis.surface import mesh_of, spacing_for_looks
+from geneoh.synthesis.surface import mesh_of_solid, spacing_for_looks
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
 from geneoh.viz.look import DEFAULT_LOOK, Look
@@ -92,7 +92,7 @@ def grasp_scene(clip: Replay) -> Scene:
     measured = {"verts": verts, "joints": joints, "distance": distance, "measures": measures}
     hand = PosedTrack("right", model, pose[None], joints[:, 0], betas, **measured)
     parts = [solid.only(part) for part in range(PARTS if bool(solid.jointed) else 1)]
-    meshes = tuple(mesh_of(part, spacing_for_looks(part)) for part in parts)
+    meshes = tuple(mesh_of_solid(part, spacing_for_looks(part)) for part in parts)
     (turned,), (moved,) = clip.joint_pose(frames)
     rotation = torch.stack([torch.eye(3)[None], turned], dim=1)
     translation = torch.stack([torch.zeros(1, 3), moved], dim=1)

@@ -5,7 +5,8 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.interrupts import interrupts_wait
 
 with interrupts_wait():

@@ -79,9 +79,9 @@ def view(
         ConfigError: a colouring or an axis that does not exist, or frames that are no numbers.
         MissingAssetError: a film without ffmpeg, or a `mano_dir` without MANO's files.
     """
-    refuse_others(result, "result")
+    _refuse_others(result, "result")
     if before is not None:
-        refuse_others(before, "before")
+        _refuse_others(before, "before")
     chosen = tuple(frames) if isinstance(frames, Iterable) else frames
     chosen = as_field_type(chosen, tuple[int, ...], "geneoh.view", "frames")
     if mano_dir is not None:
@@ -103,7 +103,7 @@ def view(
     return page
 
 
-def refuse_others(given: Any, name: str) -> None:
+def _refuse_others(given: Any, name: str) -> None:
     """`InputError` for what is neither a result, nor a sequence, nor a file."""
     if not isinstance(given, Denoised | Sequence | Path | str):
         takes = f"geneoh.view: '{name}' must be a result, a Sequence or the npz file of one"
@@ -163,7 +163,7 @@ def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:
     }
 
 
-def write_report(
+def write_page(
     noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None = None
 ) -> None:
     """Write the page of a result beside its input, whatever the ending of the path."""

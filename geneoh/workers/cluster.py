@@ -62,7 +62,7 @@ def on_cluster(
     items, crew = list(work), list[BaseProcess]()
     packed = [pickle.dumps(item) for item in items]  # only the nodes load what items need
     try:
-        process, pipe = started(crew, serve, address, pickle.dumps(do), packed)
+        process, pipe = started(crew, _serve, address, pickle.dumps(do), packed)
         while (told := told_by(process, pipe, address)) is not None:
             number, answer = told
             if isinstance(answer, str):
@@ -93,7 +93,7 @@ def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, 
     return told
 
 
-def serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> None:
+def _serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> None:
     """What the process that speaks with Ray does: all that it learns goes through the pipe."""
     obey_parent()
     be_silent()
@@ -102,7 +102,7 @@ def serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> None
         late = threading.Timer(BEGIN, give_up, (pipe, address))
         if address != "local":
             late.start()
-        head = connected(ray, address)
+        head = connect_to_cluster(ray, address)
         late.cancel()
         with closing(answers(ray, head, do, items)) as found:
             for told in found:
@@ -139,14 +139,14 @@ def no_cluster(address: str, said: str) -> ConfigError:
     )
 
 
-def connected(ray: Any, address: str) -> tuple[str, int]:
+def connect_to_cluster(ray: Any, address: str) -> tuple[str, int]:
     """Connect Ray to a cluster; host and port of the head, with which this process now ends."""
     named = os.environ.get("RAY_ADDRESS", "") if address == "auto" else address
     try:
-        head = place_in(named)
+        head = _place_in(named)
         line = ask(head) if head else None  # Ray itself would ask for minutes
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
-        head = head or place_in(ray.get_runtime_context().gcs_address)
+        head = head or _place_in(ray.get_runtime_context().gcs_address)
         assert head is not None, "Ray names its head with a port"
         threading.Thread(target=end_with_head, args=(head, line or ask(head)), daemon=True).start()
     except (ImportError, OSError, OverflowError, ValueError, RuntimeError) as error:
@@ -154,7 +154,7 @@ def connected(ray: Any, address: str) -> tuple[str, int]:
     return head
 
 
-def place_in(address: str) -> tuple[str, int] | None:
+def _place_in(address: str) -> tuple[str, int] | None:
     """Host and port in an address; None where it has no port, such as "auto"."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     return (host.strip("[]"), int(port)) if port.isdecimal() else None

@@ -85,7 +85,7 @@ def in_processes(
         """Give a worker, or a new one, the next item; items that lost a worker come last."""
         task = next(fresh, None) or (again.popleft() if again else None)
         if task is not None:
-            worker = worker or Worker(*started(crew, serve, do))
+            worker = worker or Worker(*started(crew, _serve, do))
             busy[worker.pipe] = worker
             worker.begin(*task)
 
@@ -167,7 +167,7 @@ def end(crew: Iterable[BaseProcess]) -> None:
         process.join()
 
 
-def serve(pipe: Connection, do: Do[Any, Any]) -> None:
+def _serve(pipe: Connection, do: Do[Any, Any]) -> None:
     """What a worker does: items come and answers go through the pipe, until it closes."""
     obey_parent()
     use_one_thread()

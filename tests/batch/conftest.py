@@ -4,8 +4,8 @@ import fake_cleaning
 import pytest
 
 from geneoh.batch import run
-from geneoh.batch.cleaning import Batch
-from geneoh.batch.clips import find_clips
+from geneoh.batch.cleaning import BatchOptions
+from geneoh.batch.clips import find_batch_clips
 from geneoh.pipeline.options import Options
 
 
@@ -28,7 +28,7 @@ def clean(tmp_path, faked):
     """Clean what is in a folder into the folder out."""
 
     def cleaned(folder, out="out", options=None, reading=None, meshes=(), **how):
-        batch = Batch(tmp_path / out, options or Options(), reading or {})
-        return run.clean_batch(find_clips([folder], None, batch.folder, meshes), batch, **how)
+        batch = BatchOptions(tmp_path / out, options or Options(), reading or {})
+        return run.clean_batch(find_batch_clips([folder], None, batch.folder, meshes), batch, **how)
 
     return cleaned

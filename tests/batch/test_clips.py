@@ -6,8 +6,8 @@ import fake_cleaning
 import pytest
 from bad_inputs import good_arrays
 
-from geneoh.batch.cleaning import Batch, clean_clip
-from geneoh.batch.clips import find_clips
+from geneoh.batch.cleaning import BatchOptions, clean_clip
+from geneoh.batch.clips import find_batch_clips
 from geneoh.errors import ConfigError, InputError
 
 
@@ -19,7 +19,9 @@ def found(tmp_path, monkeypatch):
     fake_cleaning.write_clips(tmp_path / "in/more", 1)
 
     def names(*inputs, source=None, meshes=()):
-        clips = find_clips([tmp_path / each for each in inputs], source, tmp_path / "out", meshes)
+        clips = find_batch_clips(
+            [tmp_path / each for each in inputs], source, tmp_path / "out", meshes
+        )
         return {clip.name: clip for clip in clips}
 
     return names
@@ -48,19 +50,19 @@ def test_results_are_no_inputs(found, tmp_path):
 def test_results_are_no_inputs_by_any_way_to_their_folder(found, tmp_path, way):
     fake_cleaning.write_clips(tmp_path / "out", 3)
     (tmp_path / "link").symlink_to(tmp_path / "out")
-    clips = find_clips([tmp_path], None, tmp_path / way)
+    clips = find_batch_clips([tmp_path], None, tmp_path / way)
     assert [clip.name for clip in clips] == ["in/clip0", "in/clip1", "in/more/clip0"]
 
 
 def test_inputs_above_the_folder_for_results_are_found_from_within_it(found, tmp_path):
     (tmp_path / "out").mkdir()
-    clips = find_clips([tmp_path / "out/../in"], None, tmp_path / "out")
+    clips = find_batch_clips([tmp_path / "out/../in"], None, tmp_path / "out")
     assert [clip.name for clip in clips] == ["clip0", "clip1", "more/clip0"]
 
 
 def test_a_folder_that_is_also_for_the_results_is_refused_as_such(found, tmp_path):
     with pytest.raises(InputError, match="outside of folders for results, got 3 within them"):
-        find_clips([tmp_path / "in"], None, tmp_path / "in")
+        find_batch_clips([tmp_path / "in"], None, tmp_path / "in")
 
 
 def test_results_of_an_earlier_run_in_another_folder_are_no_inputs(found, tmp_path, caplog):
@@ -175,7 +177,7 @@ def test_a_file_of_a_manifest_that_is_missing_fails_as_a_clip(found, tmp_path):
     rows = ("input", "in/clip0.npz", "in/gone.npz")
     there, gone = found(manifest(tmp_path, *rows)).values()
     assert there.problem == ""
-    outcome = clean_clip(gone, Batch(tmp_path / "out"))
+    outcome = clean_clip(gone, BatchOptions(tmp_path / "out"))
     assert outcome.clip == "gone"
     assert outcome.failed == f"{tmp_path / 'in/gone.npz'}: no such file or folder; check the path"
 
@@ -192,7 +194,7 @@ def test_the_clips_of_a_source_are_found_and_read(found, tmp_path, monkeypatch):
         assert list(clips) == ["a", "b"]
         assert {clip.source for clip in clips.values()} == {"landmarks"}
     monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
-    outcome = clean_clip(clips["b"], Batch(tmp_path / "out"))
+    outcome = clean_clip(clips["b"], BatchOptions(tmp_path / "out"))
     assert outcome.failed == ""
     assert list(outcome.files) == ["b.npz"]
     assert (tmp_path / "out" / "b.npz").is_file()

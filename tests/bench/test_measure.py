@@ -3,7 +3,7 @@
 import pytest
 import trimesh
 
-from geneoh.bench.measure import Moment, by_stage, example, refined
+from geneoh.bench.measure import Moment, by_stage, example, subdivided
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def test_the_track_runs_forth_and_back(mesh):
 def test_a_refined_mesh_has_the_same_surface_in_so_many_triangles(mesh, triangles):
     made, before = (
         trimesh.Trimesh(each.verts.numpy().astype(float), each.faces.numpy(), process=False)
-        for each in (refined(mesh, triangles), mesh)
+        for each in (subdivided(mesh, triangles), mesh)
     )
     assert len(made.faces) == triangles - triangles % 2
     assert made.area == pytest.approx(before.area, rel=1e-5)
@@ -32,7 +32,7 @@ def test_a_refined_mesh_has_the_same_surface_in_so_many_triangles(mesh, triangle
 
 
 def test_no_mesh_is_made_coarser(mesh):
-    assert refined(mesh, 100) is mesh
+    assert subdivided(mesh, 100) is mesh
 
 
 def test_the_first_stage_does_not_pay_for_what_came_before_it():

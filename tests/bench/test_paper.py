@@ -17,12 +17,12 @@ def networks():
 
 @pytest.mark.parametrize("stage", PUBLISHED)
 def test_networks_have_the_published_number_of_parameters(networks, stage):
-    assert paper.parameters(networks[stage]) == pytest.approx(PUBLISHED[stage], rel=0.01)
+    assert paper.parameter_count(networks[stage]) == pytest.approx(PUBLISHED[stage], rel=0.01)
 
 
 def test_without_its_embedding_of_the_noise_level_motiondiff_has_the_papers_number(networks):
-    level = paper.parameters(networks["motion"].level)
-    assert paper.parameters(networks["motion"]) - level == pytest.approx(33.7e6, rel=0.01)
+    level = paper.parameter_count(networks["motion"].level)
+    assert paper.parameter_count(networks["motion"]) - level == pytest.approx(33.7e6, rel=0.01)
 
 
 def test_each_network_answers_in_the_shape_of_its_question(networks):

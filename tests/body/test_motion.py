@@ -1,6 +1,6 @@
 import torch
 
-from geneoh.body.motion import BodyMotion, grounded, local_rotations, pose
+from geneoh.body.motion import BodyMotion, body_local_rotations, grounded, pose
 from geneoh.body.skeleton import PARENTS, Skeleton, embedded_skeleton
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -35,7 +35,7 @@ def test_local_rotations_undo_the_accumulation():
     skeleton = Skeleton(embedded_skeleton().offsets.expand(2, 52, 3))
     posed = pose(skeleton, motion)
     torch.testing.assert_close(
-        local_rotations(posed.rotations), motion.rotations, atol=1e-4, rtol=0
+        body_local_rotations(posed.rotations), motion.rotations, atol=1e-4, rtol=0
     )
 
 

@@ -21,7 +21,7 @@ SENTENCE = "the right hand waves, the left rests"
 def folder(tmp_path, monkeypatch) -> Path:
     """walk.npz, and networks that leave all hands flat."""
     monkeypatch.setattr(on_body, "generate_hands", lambda motion, *_, **__: motion)
-    monkeypatch.setattr(on_body, "load_networks", lambda *_, **__: None)
+    monkeypatch.setattr(on_body, "load_both2hands", lambda *_, **__: None)
     bodies.smplx_names(tmp_path / "walk.npz", bodies.swaying(6))
     return tmp_path
 

@@ -9,7 +9,7 @@ from trees import write_mano
 from trees.labelled import POUR_MILK, labelled_h2o
 
 from geneoh.choices import ACTION_STAGES
-from geneoh.generators.text2hoi.library import SHIPPED, load_networks
+from geneoh.generators.text2hoi.library import SHIPPED, load_text2hoi
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.replay import NoFirstGraspsError
@@ -147,7 +147,7 @@ def test_the_networks_of_the_generator_are_trained_one_after_the_other(geneoh, t
     assert records[1]["contact"] is not None
     assert records[1]["config"]["interaction"]["text"] == 128
     assert [record["interaction"] is None for record in records] == [True, True, False]
-    networks = load_networks(tmp_path / "run")
+    networks = load_text2hoi(tmp_path / "run")
     assert networks.interaction.config.width == 32
 
 

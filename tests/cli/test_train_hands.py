@@ -11,7 +11,7 @@ from made_gestures import made_gestures, write_gesture_shards
 
 from geneoh.body.motion import BodyMotion
 from geneoh.choices import BODY_STAGES
-from geneoh.generators.both2hands.library import load_networks
+from geneoh.generators.both2hands.library import load_both2hands
 from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.nn.checkpoint import load_checkpoint
 
@@ -35,7 +35,7 @@ def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, 
     run = ("--data", "bodies", "-o", "run", "--threads", "1", *small)
     for stage in BODY_STAGES:
         geneoh("train", "--stage", stage, *run)
-    networks, motion = load_networks(tmp_path / "run"), made_motion(bodies=1, frames=5)
+    networks, motion = load_both2hands(tmp_path / "run"), made_motion(bodies=1, frames=5)
     assert networks.blend.config.width == 16
     made = generate_hands(
         BodyMotion(motion.root[0], motion.rotations[0]),
@@ -78,7 +78,7 @@ def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path, s
         assert "both57m: 2 clips; 1 clip, of 1 recording or person, held out" in trained.output
     record = load_checkpoint(tmp_path / "run" / "blend.safetensors").record
     assert record["made"] == {"source": "both57m", "clips": 2, "skeleton": False}
-    networks = load_networks(tmp_path / "run")
+    networks = load_both2hands(tmp_path / "run")
     assert networks.speech(["fingers spread"]).shape[0] == 1
 
 
@@ -93,7 +93,7 @@ def test_networks_of_hands_are_blended_where_recordings_lack_a_text(geneoh, tmp_
         assert ("are those of run/body_hands.safetensors" in trained.output) == (
             stage == "text_hands"
         )
-    assert load_networks(tmp_path / "run").body.config.width == 16
+    assert load_both2hands(tmp_path / "run").body.config.width == 16
 
 
 def test_data_sets_without_what_a_stage_learns_from_are_refused(geneoh, tmp_path):

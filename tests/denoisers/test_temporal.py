@@ -7,7 +7,7 @@ from geneoh.denoisers.temporal import (
     TemporalConfig,
     TemporalDenoiser,
     TemporalEvidence,
-    smoothed,
+    gaussian_means,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.region import ObjectSurface
@@ -92,7 +92,9 @@ def test_the_clips_of_a_batch_do_not_influence_each_other(model):
 
 def test_smoothing_keeps_what_is_constant_and_the_mean_of_many_is_even():
     constant = normal(1, 1, 21, 3).expand(2, 9, 21, 3)
-    torch.testing.assert_close(smoothed(constant, 2.5), constant)
+    torch.testing.assert_close(gaussian_means(constant, 2.5), constant)
     rough = normal(1, 9, 21, 3)
-    torch.testing.assert_close(smoothed(rough, 1e4), rough.mean(1, keepdim=True).expand_as(rough))
-    assert float(smoothed(rough, 1.0).std()) < 0.7 * float(rough.std())
+    torch.testing.assert_close(
+        gaussian_means(rough, 1e4), rough.mean(1, keepdim=True).expand_as(rough)
+    )
+    assert float(gaussian_means(rough, 1.0).std()) < 0.7 * float(rough.std())

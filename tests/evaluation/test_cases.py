@@ -10,9 +10,9 @@ from watertight import is_watertight
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation import cases
 from geneoh.evaluation.options import SEEDS, EvaluationOptions, ProtocolOptions
-from geneoh.evaluation.protocols.clips import windows_of
+from geneoh.evaluation.protocols.clips import windows_in_run
 from geneoh.evaluation.protocols.datasets import PROTOCOLS, spread_over_groups
-from geneoh.evaluation.protocols.synthetic import COUNT, draw_clip, mesh_of
+from geneoh.evaluation.protocols.synthetic import COUNT, draw_clip, mesh_of_solid
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.hand.library import load_hand
 from geneoh.metrics.accuracy import mpjpe
@@ -96,7 +96,7 @@ def test_own_clips_hold_their_object_without_sinking_in():
 @pytest.mark.parametrize("family", SynthesisConfig().held_out)
 def test_meshes_of_analytic_objects_lie_on_their_surface(family):
     solid = draw_objects([family], generator=torch.Generator().manual_seed(3))
-    mesh = mesh_of(solid)
+    mesh = mesh_of_solid(solid)
     assert is_watertight(mesh)
     off = solid.signed_distance(mesh.verts[None])[0].abs()
     assert float(off.quantile(0.99)) < 1e-4
@@ -197,7 +197,7 @@ def test_a_stored_input_that_is_not_there_is_told(tmp_path):
 
 
 def test_windows_are_the_papers():
-    assert list(windows_of(150, ProtocolOptions())) == [(0, 60), (30, 90), (60, 120), (90, 150)]
-    assert list(windows_of(149, ProtocolOptions())) == [(0, 60), (30, 90), (60, 120)]
-    assert list(windows_of(59, ProtocolOptions())) == []
-    assert list(windows_of(150, ProtocolOptions(windows="first"))) == [(0, 60)]
+    assert list(windows_in_run(150, ProtocolOptions())) == [(0, 60), (30, 90), (60, 120), (90, 150)]
+    assert list(windows_in_run(149, ProtocolOptions())) == [(0, 60), (30, 90), (60, 120)]
+    assert list(windows_in_run(59, ProtocolOptions())) == []
+    assert list(windows_in_run(150, ProtocolOptions(windows="first"))) == [(0, 60)]

@@ -10,7 +10,7 @@ from geneoh.evaluation.cases import Case
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import CaseScorer
-from geneoh.fitting.fit import FitConfig
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.pipeline.options import Options
 
 METHODS = {

@@ -10,7 +10,7 @@ import torch
 from short_clips import short_clip
 
 import geneoh
-from geneoh.denoisers.library import weights_of
+from geneoh.denoisers.library import stage_weights
 from geneoh.errors import CheckpointError, ConfigError, InputError
 from geneoh.evaluation import report
 from geneoh.evaluation.cases import Case, find_cases, write_inputs
@@ -217,7 +217,7 @@ def test_settings_change_with_all_that_changes_scores(tmp_path):
     first = settings_of(SMALL)
     assert settings_of(replace(SMALL, limit=5, methods=())) == first
     assert settings_of(replace(SMALL, cleaner=Options(preset="fast", seed=3))) == first
-    weights = weights_of("motion", None)
+    weights = stage_weights("motion", None)
     (tmp_path / weights.name).write_bytes(weights.read_bytes() + b" ")
     for other in (
         replace(SMALL, close_frames=3),
@@ -242,7 +242,7 @@ def test_an_evaluation_goes_on_and_says_so(tmp_path):
     again = evaluate(replace(SMALL, methods=("input",)), tmp_path)
     assert again.scores == first.scores[:1]
     assert (first.reused, again.reused) == (0, 1)
-    for name in ("as_csv", "as_json", "as_page"):
+    for name in ("scores_as_csv", "report_as_json", "as_page"):
         written = getattr(report, name)
         assert written(replace(first, reused=3)) == written(first)  # as if it had never stopped
 

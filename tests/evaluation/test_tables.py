@@ -11,7 +11,7 @@ from geneoh.evaluation.tables import (
     as_text,
     blocks_of,
     cell_of,
-    interval,
+    recordings_interval,
     seed_agreement,
 )
 
@@ -49,10 +49,10 @@ def test_the_interval_holds_the_true_mean_as_often_as_it_says():
     for _ in range(1000):
         recordings = [[drawn.gauss(0, 1)] * drawn.randint(1, 6) for _ in range(FEWEST)]
         values = [[base + drawn.gauss(0, 0.3) for base in each] for each in recordings]
-        low, high = interval(values)
+        low, high = recordings_interval(values)
         held += low <= 0 <= high
     assert 920 <= held <= 975
-    assert interval(values[1:]) == (None, None)
+    assert recordings_interval(values[1:]) == (None, None)
 
 
 def test_windows_and_hands_of_a_recording_count_once():

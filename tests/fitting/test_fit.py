@@ -6,16 +6,9 @@ import torch
 import trimesh
 from torch import Tensor
 
-from geneoh.fitting.fit import (
-    FitConfig,
-    Nearby,
-    contact_planes,
-    fit_hand,
-    planes_apart,
-    start_from_keypoints,
-    steadiness_weight,
-    way_out,
-)
+from geneoh.fitting.contact_planes import Nearby, contact_planes, planes_apart, way_out
+from geneoh.fitting.fit import fit_hand, start_from_keypoints, steadiness_weight
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance

@@ -16,9 +16,9 @@ from geneoh.generators.text2hoi import sampling as interactions
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.objects import Objects
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.training import loop
 from geneoh.training.loop import train
 
@@ -45,11 +45,11 @@ def test_interactions_are_generated_alike_on_every_device(device):
     contact, interaction = ContactNetwork(TINY.contact).eval(), answering(TINY.interaction)
     objects = Objects.of(made_actions(count=2))
     said = "Lift a mug with the right hand.", "Push the drawer."
-    lengths, config = torch.tensor([12, 7]), interactions.SamplingConfig(steps=2, draws=2)
+    lengths, config = torch.tensor([12, 7]), interactions.Text2HoiSampling(steps=2, draws=2)
 
     def made(place):
-        networks = Networks(WordEncoder(), contact.to(place), interaction.to(place), length)
-        actions, _ = interactions.sample(
+        networks = Text2HoiNetworks(WordEncoder(), contact.to(place), interaction.to(place), length)
+        actions, _ = interactions.sample_actions(
             networks,
             objects.to(place),
             said,
@@ -76,10 +76,10 @@ def test_a_sentence_is_acted_out_on_the_device_that_is_named(device, monkeypatch
 
     def loaded(folder, *, text_encoder, device):
         heard.append(str(device))
-        return Networks(WordEncoder(), contact.to(device), interaction.to(device), length)
+        return Text2HoiNetworks(WordEncoder(), contact.to(device), interaction.to(device), length)
 
     heard = list[str]()
-    monkeypatch.setattr(acting, "load_networks", loaded)
+    monkeypatch.setattr(acting, "load_text2hoi", loaded)
     mesh = from_trimesh(trimesh.creation.box((0.05, 0.06, 0.1)))
 
     def made(place):
@@ -101,7 +101,7 @@ def test_hands_are_given_to_a_body_on_the_device_that_is_named(device, monkeypat
             network.to(device)
         return networks
 
-    monkeypatch.setattr(on_body, "load_networks", loaded)
+    monkeypatch.setattr(on_body, "load_both2hands", loaded)
 
     def made(place):
         asked = on_body.BodyOptions(steps=2, device=place)
@@ -119,9 +119,12 @@ def test_hands_of_a_body_are_generated_alike_on_every_device(device):
         networks = tiny_networks()
         for network in (networks.body, networks.text, networks.blend):
             network.to(place)
-        said, config = ["the right hand waves", "both hands clap"], hands.SamplingConfig(steps=2)
+        said, config = (
+            ["the right hand waves", "both hands clap"],
+            hands.Both2HandsSampling(steps=2),
+        )
         generator = torch.Generator().manual_seed(0)
-        found = hands.sample(
+        found = hands.sample_hands(
             networks, motion.to(place), SKELETON, said, config, generator=generator
         )
         assert found.rotations.device.type == torch.device(place).type

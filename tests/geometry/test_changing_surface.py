@@ -3,7 +3,7 @@ import torch
 import trimesh
 
 from geneoh.geometry.changing_surface import ChangingSurface
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 
 BALL = from_trimesh(trimesh.creation.icosphere(4, 0.05))
 SHIFTS = torch.tensor([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]])

@@ -4,7 +4,7 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance, SurfaceQuery
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 MICROMETRE = 1e-6

@@ -5,7 +5,8 @@ import trimesh
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.solid import build_solid
 
 CENTRE = torch.zeros(1, 3)

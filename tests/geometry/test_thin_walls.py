@@ -3,7 +3,8 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import edges_of, from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
+from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 
 FINGER = from_trimesh(trimesh.creation.icosphere(2, 0.01))

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import load_mesh
 
 pytest.importorskip("warp", reason="needs NVIDIA Warp (extra gpu)")
 OBJECT = Path(__file__).parents[2] / "examples" / "taco_object.obj"

@@ -6,7 +6,7 @@ import trimesh
 
 from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.contact import (
     contact_agreement,

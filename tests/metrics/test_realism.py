@@ -8,10 +8,10 @@ from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.realism import (
     GRAVITY,
-    SurfaceMotion,
+    SurfacePoints,
     moved_alone,
-    realism,
     realistic_frames,
+    realistic_share,
     touched_points,
     wanted_wrench,
 )
@@ -41,14 +41,14 @@ def box(tilt: float = 0.0) -> tuple[torch.Tensor, torch.Tensor]:
     return torch.cat(points) + torch.tensor([0.0, 0.0, HALF]), torch.cat(normals)
 
 
-def moving(path: torch.Tensor, tilt: float = 0.0) -> SurfaceMotion:
+def moving(path: torch.Tensor, tilt: float = 0.0) -> SurfacePoints:
     """The box, carried along a path."""
     points, normals = box(tilt)
     path = path.expand(FRAMES, 3)[None, :, None]
-    return SurfaceMotion(points + path, normals.expand_as(points + path), torch.tensor([FRAMES]))
+    return SurfacePoints(points + path, normals.expand_as(points + path), torch.tensor([FRAMES]))
 
 
-def pinching(surface: SurfaceMotion, off: float = 0.0) -> torch.Tensor:
+def pinching(surface: SurfacePoints, off: float = 0.0) -> torch.Tensor:
     """Two fingertips of five vertices each on the sides at -x and +x, some way off them, metres."""
     pad = torch.tensor([[0, 0.0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.005
     aside = torch.tensor([[-1.0], [1.0]])[..., None].expand(2, 5, 1) * (HALF + off)
@@ -56,7 +56,7 @@ def pinching(surface: SurfaceMotion, off: float = 0.0) -> torch.Tensor:
     return surface.points.mean(2, keepdim=True) + tips
 
 
-def frames_of(skin: torch.Tensor, surface: SurfaceMotion, **how: float) -> torch.Tensor:
+def frames_of(skin: torch.Tensor, surface: SurfacePoints, **how: float) -> torch.Tensor:
     """Which frames are realistic with this skin."""
     flat = [each.flatten(0, 1) for each in (skin, surface.points, surface.normals)]
     distance, index = signed_to_points(*flat, within=0.02)
@@ -64,7 +64,7 @@ def frames_of(skin: torch.Tensor, surface: SurfaceMotion, **how: float) -> torch
     return realistic_frames(touched.unflatten(0, skin.shape[:2]), surface, FPS, **how)
 
 
-def share(skin: torch.Tensor, surface: SurfaceMotion, **how: float) -> float:
+def share(skin: torch.Tensor, surface: SurfacePoints, **how: float) -> float:
     """The share of the frames that are realistic."""
     return frames_of(skin, surface, **how).float().mean().item()
 
@@ -122,7 +122,7 @@ def test_one_fingertip_at_a_side_holds_nothing():
     assert share(pinching(held)[:, :, :5], held) == 0
 
 
-def from_below(surface: SurfaceMotion) -> torch.Tensor:
+def from_below(surface: SurfacePoints) -> torch.Tensor:
     """A flat palm under the box."""
     spots = torch.cartesian_prod(torch.linspace(-0.02, 0.02, 5), torch.linspace(-0.02, 0.02, 5))
     palm = torch.cat([spots, torch.full((25, 1), -HALF)], -1)
@@ -164,7 +164,7 @@ def test_turning_asks_for_the_torque_of_the_moment_of_inertia():
     speed = 40.0  # rad/s², about the vertical through the middle
     angle = speed * (torch.arange(FRAMES) / FPS) ** 2 / 2
     turn = axis_angle_to_matrix(torch.stack([0 * angle, 0 * angle, angle], -1))[:, None]
-    turned = SurfaceMotion(
+    turned = SurfacePoints(
         (turn @ points[..., None])[None, ..., 0],
         (turn @ normals[..., None])[None, ..., 0],
         torch.tensor([FRAMES]),
@@ -182,13 +182,13 @@ def test_frames_after_the_end_do_not_count():
 
 def test_each_clip_of_a_batch_has_its_own_value():
     rests, floats = moving(at_height(0.0)), moving(at_height(0.3))
-    both = SurfaceMotion(
+    both = SurfacePoints(
         torch.cat([rests.points, floats.points]),
         torch.cat([rests.normals, floats.normals]),
         torch.tensor([FRAMES, FRAMES]),
     )
     touched = torch.zeros(both.points.shape[:3], dtype=torch.bool)
-    assert realism(touched, both, FPS).tolist() == [1, 0]
+    assert realistic_share(touched, both, FPS).tolist() == [1, 0]
 
 
 def test_motion_without_contact_counts_moving_frames_without_a_keypoint_nearby():

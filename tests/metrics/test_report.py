@@ -7,7 +7,7 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.metrics.contact import TOUCH
 from geneoh.metrics.report import before_and_after, measure_posed, near_hand, through_walls
 from geneoh.sequence import windows

@@ -11,7 +11,9 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh, capped, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
+from geneoh.geometry.openings import capped
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.metrics.volume import ASKEW, intersection_volume

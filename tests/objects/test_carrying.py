@@ -4,7 +4,7 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.objects.carrying import carrier_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 

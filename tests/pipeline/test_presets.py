@@ -9,7 +9,7 @@ import pytest
 
 from geneoh.choices import Ablation
 from geneoh.errors import ConfigError
-from geneoh.fitting.fit import KEYPOINTS_ALONE
+from geneoh.fitting.fit_config import KEYPOINTS_ALONE
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import preset

@@ -10,7 +10,7 @@ from torch.nn.functional import normalize
 import geneoh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.pipeline.presets import preset
-from geneoh.pipeline.rays import found_ray, scatter, with_rays
+from geneoh.pipeline.rays import found_ray, scatter, with_found_rays
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
@@ -127,9 +127,9 @@ def test_scatter_is_a_covariance_that_outliers_hardly_change():
 def test_a_told_ray_is_kept_and_presets_choose_what_is_shown(clean):
     told = corrupt_sequence(clean, "camera", generator=torch.Generator().manual_seed(2))
     chosen, untold = preset("default"), without_rays(told)
-    kept, said = with_rays(told, chosen)
+    kept, said = with_found_rays(told, chosen)
     assert (kept.hands[0].camera_ray.equal(told.hands[0].camera_ray), said) == (True, [])
-    found, said = with_rays(untold, chosen)
+    found, said = with_found_rays(untold, chosen)
     assert degrees_off(found.hands[0].camera_ray[0], told.hands[0].camera_ray[0]) < 10
     assert "--camera" in said[0]
     for sequence, other in (
@@ -138,9 +138,9 @@ def test_a_told_ray_is_kept_and_presets_choose_what_is_shown(clean):
         (untold, chosen.alone()),
         (untold, preset("paper")),
     ):
-        withheld, said = with_rays(sequence, other)
+        withheld, said = with_found_rays(sequence, other)
         assert (withheld.hands[0].camera_ray, said) == (None, [])
-    again, _ = with_rays(told, chosen.without("told-camera"))
+    again, _ = with_found_rays(told, chosen.without("told-camera"))
     assert again.hands[0].camera_ray.equal(found.hands[0].camera_ray)
 
 

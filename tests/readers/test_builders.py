@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from geneoh.readers.base import CrossChecks, Recording
-from geneoh.readers.builders import part_of
+from geneoh.readers.builders import stretch_of
 from geneoh.readers.dataset_reader import split
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -34,7 +34,7 @@ def whole() -> Sequence:
 
 
 def test_every_field_of_a_part_has_the_frames_of_the_part():
-    part = part_of(whole(), slice(3, 8))
+    part = stretch_of(whole(), slice(3, 8))
     (hand,) = part.hands
     assert part.frames == hand.frames == 5
     assert part.source == "whole, frames 3 to 7"

@@ -10,7 +10,7 @@ import trees
 from scipy.spatial.transform import Rotation
 from trees import FRAMES, scene
 
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions, doubts
 from geneoh.readers.hand_checks import MIDDLE_JOINTS, check_depth

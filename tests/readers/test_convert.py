@@ -10,7 +10,7 @@ from trees import FRAMES, dump, grab, hoi4d, scene, taco
 
 from geneoh.errors import InputError
 from geneoh.files.journal import only_run_in
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.hand.library import load_hand
 from geneoh.readers import convert as convert_module
 from geneoh.readers import recordings as recordings_module

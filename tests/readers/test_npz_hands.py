@@ -7,10 +7,10 @@ import torch
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.readers import npz_tracks
+from geneoh.readers import npz_hands
 from geneoh.readers.mano import read_mano
+from geneoh.readers.npz_hands import read_hands
 from geneoh.readers.npz_layouts import layout_of
-from geneoh.readers.npz_tracks import read_hands
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import HandTrack
 
@@ -60,7 +60,7 @@ def test_taco_names_hold_pose_and_wrist():
 def test_smplx_translation_plus_the_models_wrist_is_the_wrist(monkeypatch):
     model = load_hand("right")
     verts = model.template + torch.einsum("vcs,s->vc", model.shape_dirs, torch.from_numpy(BETAS))
-    monkeypatch.setattr(npz_tracks, "load_hand", lambda side, **_: {"right": model}[side])
+    monkeypatch.setattr(npz_hands, "load_hand", lambda side, **_: {"right": model}[side])
     reading = read(SMPLX, side="right", mano_dir="anywhere")
     hand = only(reading)
     torch.testing.assert_close(

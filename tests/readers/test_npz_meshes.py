@@ -11,7 +11,7 @@ import trimesh
 import geneoh
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive, write_archive
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -4,7 +4,7 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.npz_tracks import read_object
+from geneoh.readers.npz_objects import read_object
 from geneoh.readers.records import Record
 
 T, Q = 4, 2

@@ -6,8 +6,9 @@ from bad_inputs import FRAMES, good_arrays
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
+from geneoh.sequence.distance_check import ball_distance
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.validation import ball_distance, check_sequence, check_tracks, collapsed
+from geneoh.sequence.validation import check_sequence, check_tracks, collapsed
 
 SHEET = Mesh(torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), torch.tensor([[0, 1, 2]]))
 HAND = HandTrack(

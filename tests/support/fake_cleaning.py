@@ -12,8 +12,8 @@ from bad_inputs import BOX_CORNERS, good_arrays, write_mesh
 
 import geneoh
 from geneoh.batch import cleaning
-from geneoh.batch.cleaning import Batch, Outcome
-from geneoh.batch.clips import Clip
+from geneoh.batch.cleaning import BatchOptions, CleaningOutcome
+from geneoh.batch.clips import BatchClip
 from geneoh.metrics.report import InteractionReport
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
@@ -58,7 +58,7 @@ def denoise(sequence: Sequence, options: geneoh.Options) -> Denoised:
     return Denoised(clean, {hand.side: result}, (), options)
 
 
-def clean_clip(clip: Clip, batch: Batch) -> Outcome:
+def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
     """As the real one, in a worker too; a clip beside which there is a file NAME.kill kills it."""
     cleaning.denoise = denoise
     if clip.path.with_suffix(".kill").exists():

@@ -11,7 +11,7 @@ from geneoh.generators.both2hands.denoiser import (
     TextHands,
     TextHandsConfig,
 )
-from geneoh.generators.both2hands.library import Networks
+from geneoh.generators.both2hands.library import Both2HandsNetworks
 from geneoh.generators.text_network import SentenceConfig
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
@@ -38,7 +38,7 @@ def speech(sentences) -> torch.Tensor:
     return torch.tensor([row + [0] * (longest - len(row)) for row in rows])
 
 
-def tiny_networks(form: str = "ours", seed: int = 0) -> Networks:
+def tiny_networks(form: str = "ours", seed: int = 0) -> Both2HandsNetworks:
     """Random networks of either form."""
     torch.manual_seed(seed)
     paper = form == "paper"
@@ -49,4 +49,4 @@ def tiny_networks(form: str = "ours", seed: int = 0) -> Networks:
     blend = Blender(BlendConfig(**size))
     torch.nn.init.normal_(blend.leave.weight, std=0.05)
     parts = (each.eval().requires_grad_(False) for each in (body, text, blend))
-    return Networks(*(next(parts), next(parts), speech, next(parts)))
+    return Both2HandsNetworks(*(next(parts), next(parts), speech, next(parts)))

@@ -9,7 +9,7 @@ from made_bodies import SKELETON, SMALL, WORDS, speech, tiny_networks
 from geneoh.generators.both2hands.blend import BlendConfig
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import HandsConfig, TextHandsConfig
-from geneoh.generators.both2hands.library import Networks
+from geneoh.generators.both2hands.library import Both2HandsNetworks
 from geneoh.generators.both2hands.training import HandsTask, kept_features, set_scales
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS
@@ -56,7 +56,7 @@ TINY = Both2HandsConfig(
 )
 
 
-def tiny_task(stage, config: Both2HandsConfig = TINY, networks: Networks | None = None):
+def tiny_task(stage, config: Both2HandsConfig = TINY, networks: Both2HandsNetworks | None = None):
     """A stage that learns from a few made clips."""
     data = TrainingData(made_gestures(), made_gestures(4, seed=1), {"source": "test"})
     if stage == "blend":

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from geneoh.fitting.adam import AdamFitConfig
-from geneoh.fitting.fit import FitConfig
+from geneoh.fitting.fit_config import FitConfig
 from geneoh.pipeline import options
 from geneoh.pipeline.presets import Preset, preset
 

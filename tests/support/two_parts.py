@@ -2,7 +2,8 @@
 
 import trimesh
 
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 
 WIDE, DEEP, HIGH, WALL = 0.16, 0.11, 0.07, 0.004  # of the box, metres
 HINGE = f"hinge:0,{DEEP / 2},{HIGH}:-1,0,0:100"

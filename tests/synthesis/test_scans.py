@@ -12,8 +12,9 @@ from safetensors.torch import load_file, save_file
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import edges_of, load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.geometry.mirror import mirror_points
+from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import scans as module
@@ -31,7 +32,7 @@ from geneoh.synthesis.scans import (
     write_scans,
 )
 from geneoh.synthesis.shards import read_shards, shard_record, write_shards
-from geneoh.synthesis.surface import mesh_of
+from geneoh.synthesis.surface import mesh_of_solid
 
 TINY = SynthesisConfig(count=16, frames=8, points=32, shard=8, grasps=ANY_GRASP)
 
@@ -132,7 +133,7 @@ def test_a_mirrored_scan_is_the_mirror_image(scans):
     assert not torch.allclose(mirrored.signed_distance(points), wedge.signed_distance(points))
     torch.testing.assert_close(mirrored.extents, wedge.extents)
     for solid in (wedge, mirrored):
-        mesh = mesh_of(solid)
+        mesh = mesh_of_solid(solid)
         assert float(solid.signed_distance(mesh.verts[None]).abs().max()) < 1.5e-3
         volume = torch.linalg.det(mesh.corners()).sum()
         assert float(volume) > 0, "faces look outward"

@@ -28,8 +28,8 @@ from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import (
     ShardRecord,
-    differences,
     read_shards,
+    record_differences,
     shard_record,
     write_shards,
 )
@@ -241,11 +241,11 @@ def test_settings_that_an_older_shard_does_not_tell_are_the_defaults(tmp_path):
     record = shard_record(with_record(tmp_path, told))
     config = SynthesisConfig(count=6, frames=8, points=8, shard=2)
     assert record == ShardRecord(config, 3, families=32)
-    assert differences(record, record) == ""
+    assert record_differences(record, record) == ""
     other = replace(config, bimanual=BimanualConfig(share=0.5))
     words = "bimanual.share 0.2 where 0.5 is asked for"
-    assert differences(record, replace(record, config=other)) == words
-    assert differences(record, ShardRecord(config, 3)) == "families 32 where 34 is asked for"
+    assert record_differences(record, replace(record, config=other)) == words
+    assert record_differences(record, ShardRecord(config, 3)) == "families 32 where 34 is asked for"
 
 
 @pytest.mark.parametrize("config", [{"bones": 3}, {"grasps": {"step": 3}}, {"held_out": ["mugg"]}])

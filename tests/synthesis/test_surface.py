@@ -5,7 +5,7 @@ from watertight import is_watertight
 
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.solids import BOX, ELLIPSOID, TORUS
-from geneoh.synthesis.surface import COARSEST, SPACING, mesh_of, spacing_for_looks
+from geneoh.synthesis.surface import COARSEST, SPACING, mesh_of_solid, spacing_for_looks
 
 SIZES = {
     BOX: ((0.02, 0.03, 0.01), 8 * 0.02 * 0.03 * 0.01),
@@ -23,7 +23,7 @@ def volume(mesh) -> float:
 @pytest.mark.parametrize("center", [(0.0, 0.0, 0.0), (0.4, -0.2, 0.1)])
 def test_the_mesh_is_closed_and_has_the_solids_volume(make_solid, kind, center):
     size, want = SIZES[kind]
-    mesh = mesh_of(make_solid(kind, size, center=center), 0.001)
+    mesh = mesh_of_solid(make_solid(kind, size, center=center), 0.001)
     assert is_watertight(mesh)
     assert abs(volume(mesh)) == pytest.approx(want, rel=0.03)
 
@@ -31,7 +31,7 @@ def test_the_mesh_is_closed_and_has_the_solids_volume(make_solid, kind, center):
 @pytest.mark.parametrize("family", ["kettle", "knife", "scissors"])
 def test_vertices_lie_on_the_surface_and_nothing_is_cut_off(family):
     solid = draw_objects([family], generator=seeded(5))
-    mesh = mesh_of(solid)
+    mesh = mesh_of_solid(solid)
     assert is_watertight(mesh)
     assert float(solid.signed_distance(mesh.verts[None]).abs().max()) < 1e-4
     points, _ = solid.surface_points(300, generator=seeded())

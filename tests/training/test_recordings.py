@@ -20,7 +20,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.readers.base import ReaderOptions
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import read_shard
-from geneoh.training.recordings import ClipConfig, make_shards, shard_record, spans
+from geneoh.training.recordings import ClipConfig, make_shards, recorded_shard, spans
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORT = ClipConfig(shortest=5, longest=20, points=48)
@@ -73,7 +73,7 @@ def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
     mano = write_mano(tmp_path / "mano")
     known = case.options(tmp_path / "data")
     (shard,) = cut(source, tmp_path / "data" / case.start, tmp_path / "out", mano_dir=mano, **known)
-    record, clips = shard_record(shard), read_shard(shard)
+    record, clips = recorded_shard(shard), read_shard(shard)
     assert record is not None
     assert sum(record.left_out.values()) == 0
     assert clips.rotation.shape[1:3] == (20, 2)
@@ -96,7 +96,7 @@ def test_a_recording_is_cut_where_the_hand_is_near_and_seen(example, tmp_path):
         arrays[name][80:83] = np.nan
     np.savez(example / "sequence.npz", **arrays)
     (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30, longest=60))
-    record, clips = shard_record(shard), read_shard(shard)
+    record, clips = recorded_shard(shard), read_shard(shard)
     assert record is not None
     assert record.left_out["without the hand"] == 3
     lengths = [clip.length for clip in record.clips]
@@ -116,7 +116,7 @@ def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
     arrays["obj_pose"][70] = np.nan
     np.savez(example / "sequence.npz", **arrays)
     (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30))
-    record = shard_record(shard)
+    record = recorded_shard(shard)
     assert record is not None
     assert record.left_out["without the object"] == 1
     for one in record.clips:
@@ -127,7 +127,7 @@ def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
 def test_other_frame_rates_are_brought_to_thirty(example, tmp_path):
     np.savez(example / "sequence.npz", **arrays_of(example) | {"fps": np.array(60.0)})
     (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30))
-    record = shard_record(shard)
+    record = recorded_shard(shard)
     assert record is not None
     frames = sum(clip.length for clip in record.clips) + sum(record.left_out.values())
     assert frames == 73
@@ -206,7 +206,7 @@ def test_clips_are_cut_again_by_mano_where_they_were_cut_without(example, tmp_pa
     for _ in ("first", "again"):
         made = shard.stat().st_mtime_ns
         (shard,) = cut("sequences", example, tmp_path / "out", mano_dir=mano)
-        assert "MANO_LEFT.pkl" in shard_record(shard).files
+        assert "MANO_LEFT.pkl" in recorded_shard(shard).files
     assert shard.stat().st_mtime_ns == made
     assert not torch.equal(read_shard(shard).pose, before)
 
@@ -264,7 +264,7 @@ def test_of_several_meshes_in_a_folder_the_one_of_a_file_s_name_is_its_own(examp
     for name in ("sequence", "other"):
         shutil.copy(example / "object.obj", example / f"{name}.obj")
     (shard,) = cut("sequences", example, tmp_path / "out")
-    assert str(example / "sequence.obj") in shard_record(shard).files
+    assert str(example / "sequence.obj") in recorded_shard(shard).files
 
 
 def test_a_hand_without_an_object_is_to_be_converted_with_one(tmp_path):

@@ -10,7 +10,7 @@ import trimesh
 from pages import page_scene
 from PIL import Image
 
-from geneoh.body.motion import pose, turned
+from geneoh.body.motion import pose, turned_body
 from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.errors import InputError
 from geneoh.readers.bodies.read import read_body
@@ -77,7 +77,7 @@ def test_pages_pictures_and_scenes_show_body_and_hands(file, tmp_path):
 
 def test_other_programs_get_the_body_with_its_fingers(body, file, tmp_path):
     upright = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up to y up, as in a GLB
-    wanted = {"a.npz": body.file_motion, "a.bvh": turned(body.file_motion, upright)}
+    wanted = {"a.npz": body.file_motion, "a.bvh": turned_body(body.file_motion, upright)}
     for name, motion in wanted.items():
         found = read_body(view(file, tmp_path / name)).file_motion
         torch.testing.assert_close(found.rotations, motion.rotations, atol=1e-4, rtol=0)

@@ -11,11 +11,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh_files import load_mesh
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.viz.glb import glb_bytes, upright
+from geneoh.viz.glb import glb_bytes, turn_to_y_up
 from geneoh.viz.look import Look
 from geneoh.viz.scene import make_scene
 
@@ -112,7 +112,7 @@ def test_trimesh_reads_the_object_where_it_is_in_the_first_frame(scene, glb, tmp
     (tmp_path / "clip.glb").write_bytes(glb)
     loaded = trimesh.load_scene(tmp_path / "clip.glb", process=False)
     back = np.eye(4)
-    back[:3, :3] = upright(UP).T
+    back[:3, :3] = turn_to_y_up(UP).T
     turn, geometry = loaded.graph["object 2"]
     mesh = loaded.geometry[geometry].copy()
     mesh.apply_transform(back @ turn)
@@ -126,7 +126,7 @@ def test_a_hand_that_is_not_there_has_no_size(scene, glb):
 
 @pytest.mark.parametrize("up", np.eye(3).tolist() + (-np.eye(3)).tolist())
 def test_up_becomes_y(up):
-    turn = upright(np.array(up))
+    turn = turn_to_y_up(np.array(up))
     np.testing.assert_allclose(turn @ np.array(up), [0, 1, 0], atol=1e-9)
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(turn) == pytest.approx(1)
@@ -173,7 +173,7 @@ def test_three_js_plays_every_frame_where_it_is_in_the_world(lively, node_module
         timeout=120,
     )
     assert run.returncode == 0, run.stderr
-    turn = upright(UP)
+    turn = turn_to_y_up(UP)
     hand = scene.versions[0].hands[0]
     for frame, shown in enumerate(json.loads(run.stdout)):
         expected = {"left_hand": hand.verts[frame], "object": scene.object_verts(0, frame)}

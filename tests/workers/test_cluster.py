@@ -16,8 +16,8 @@ import fake_cleaning
 import pytest
 
 from geneoh.batch import run
-from geneoh.batch.cleaning import Batch
-from geneoh.batch.clips import find_clips
+from geneoh.batch.cleaning import BatchOptions
+from geneoh.batch.clips import find_batch_clips
 from geneoh.errors import ConfigError, GeneOHError
 from geneoh.files.journal import CLEANED
 from geneoh.workers import cluster as cluster_module
@@ -79,7 +79,7 @@ def test_a_process_that_ends_while_it_tells_is_told():
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1", "127.0.0.1:99999"])
 def test_an_address_without_a_cluster_is_told(address):
     with pytest.raises(ConfigError, match=f"--ray {address}: no cluster answers"):
-        cluster_module.connected(pytest.importorskip("ray"), address)
+        cluster_module.connect_to_cluster(pytest.importorskip("ray"), address)
 
 
 @needs_ray
@@ -148,8 +148,8 @@ class TestCluster:
         monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
         began, found = time.monotonic(), {}
         for name, address in (("here", None), ("there", cluster.address)):
-            batch = Batch(tmp_path / name)
-            clips = find_clips([tmp_path / "in"], None, batch.folder)
+            batch = BatchOptions(tmp_path / name)
+            clips = find_batch_clips([tmp_path / "in"], None, batch.folder)
             assert run.clean_batch(clips, batch, ray=address).failed == []
             found[name] = {p.name: p.read_bytes() for p in batch.folder.iterdir()}
         assert found["here"] == found["there"], time.monotonic() - began

@@ -130,12 +130,12 @@ class ClassifierTask(OnePhase):
             "stage": self.name,
             "config": as_dict(self.config),
             "clips": len(self.clips.verb),
-            "data": data_digest(self.clips),
-            "validation": data_digest(self.validation),
+            "data": _data_digest(self.clips),
+            "validation": _data_digest(self.validation),
         }
 
 
-def data_digest(clips: Actions) -> str:
+def _data_digest(clips: Actions) -> str:
     """A fingerprint of clips by their verbs and the first place of each wrist."""
     return digest([clips.verb, clips.wrist[:, :, 0]])
 

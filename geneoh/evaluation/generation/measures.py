@@ -11,7 +11,7 @@ from geneoh.choices import SIDES
 from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
-from geneoh.metrics.realism import SurfaceMotion, moved_alone, realism, touched_points
+from geneoh.metrics.realism import SurfacePoints, moved_alone, realistic_share, touched_points
 from geneoh.metrics.report import measure_frames
 from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.progress import OnStep, steps
@@ -24,7 +24,7 @@ class PosedActions(Bundle):
 
     joints: Float[Tensor, "B 2 T 21 3"]  # left, then right
     skin: Float[Tensor, "B 2 T V 3"]
-    surface: SurfaceMotion
+    surface: SurfacePoints
 
 
 def posed_actions(actions: Actions) -> PosedActions:
@@ -41,11 +41,11 @@ def posed_actions(actions: Actions) -> PosedActions:
     return PosedActions(joints, skin, surface_motion(actions))
 
 
-def surface_motion(actions: Actions) -> SurfaceMotion:
+def surface_motion(actions: Actions) -> SurfacePoints:
     """The points of the objects in the world, their parts moved by the joint."""
     points = actions.posed_points() @ actions.rotation.mT + actions.translation[:, :, None]
     normals = actions.posed_normals() @ actions.rotation.mT
-    return SurfaceMotion(points, normals, actions.length)
+    return SurfacePoints(points, normals, actions.length)
 
 
 def mean_hands() -> tuple[ShapedHand, ...]:
@@ -93,7 +93,7 @@ def measure_clip(clip: Actions) -> ClipMeasures:
     depth = torch.stack([hand.depth for hand in measured]).amax(0)
     accelerated = torch.stack([hand.acceleration for hand in measured])
     return ClipMeasures(
-        realism=realism(touched[None], surface, FPS),
+        realism=realistic_share(touched[None], surface, FPS),
         moved_alone=moved_alone(posed.joints.transpose(1, 2).flatten(2, 3), surface),
         depth_mm=1000 * depth.mean()[None],
         deepest_mm=1000 * depth.amax()[None],

@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from geneoh.evaluation.generation.scores import MEASURES, Measure, RowScores
+from geneoh.evaluation.generation.scores import MEASURES, Column, RowScores
 from geneoh.evaluation.report import made_with
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
@@ -27,7 +27,7 @@ class GenerationReport:
     command: str
     rows: dict[str, RowScores]
     about: tuple[str, ...]  # what a reader of the table must know
-    measures: tuple[Measure, ...] = MEASURES
+    measures: tuple[Column, ...] = MEASURES
 
     def remarks(self) -> Iterator[str]:
         """What a reader of the table must know, and what each column means."""
@@ -49,16 +49,16 @@ class GenerationReport:
         return f"FID less that of {last}, over the same halves: {', '.join(each)}."
 
 
-def keep_other_reports(folder: Path) -> None:
+def keep_other_generation_reports(folder: Path) -> None:
     """Refuse a folder that has files with the names of the report's which geneoh did not write."""
     if not is_ours(folder / FILES[0]):
         for name in FILES:
             keep_others(folder / name, "choose another folder")
 
 
-def write_report(report: GenerationReport, folder: Path) -> list[Path]:
+def write_generation_report(report: GenerationReport, folder: Path) -> list[Path]:
     """Write generation.json, generation.csv and generation.md; returns their paths."""
-    texts = (as_json(report), as_csv(report), as_markdown(report))
+    texts = (as_json(report), _as_csv(report), _as_markdown(report))
     for name, text in zip(FILES, texts, strict=True):
         write_whole(folder / name, text, parents=True)
     return [folder / name for name in FILES]
@@ -84,7 +84,7 @@ def as_json(report: GenerationReport) -> str:
     return json_text(whole, indent=1) + "\n"
 
 
-def as_csv(report: GenerationReport) -> str:
+def _as_csv(report: GenerationReport) -> str:
     """A line for each row and repetition, with all measures."""
     keys = [measure.key for measure in report.measures]
     rows: list[list[Any]] = [["row", "repetition", *keys]]
@@ -94,31 +94,31 @@ def as_csv(report: GenerationReport) -> str:
     return csv_text(rows)
 
 
-def as_markdown(report: GenerationReport) -> str:
+def _as_markdown(report: GenerationReport) -> str:
     """The table, with what made it."""
     heads = [f"{m.title} {m.unit}".strip() for m in report.measures]
     lines = ["# geneoh eval", "", f"`{report.command}`", ""]
     lines += [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
-    lines += [f"| {name} | {' | '.join(texts)} |" for name, texts in table(report)]
+    lines += [f"| {name} | {' | '.join(texts)} |" for name, texts in _table(report)]
     lines += ["", *(f"- {remark}" for remark in report.remarks()), ""]
     return "\n".join([*lines, made_with(report.settings), ""])
 
 
-def as_text(report: GenerationReport) -> Iterator[str]:
+def generation_as_text(report: GenerationReport) -> Iterator[str]:
     """The table as lines of text."""
     yield f"{'':<24}" + "".join(f"{f'{m.title} {m.unit}'.strip():>16}" for m in report.measures)
-    for name, texts in table(report):
+    for name, texts in _table(report):
         yield f"{name:<24}" + "".join(f"{text:>16}" for text in texts)
 
 
-def table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
+def _table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
     """The name and the texts of each row."""
     for name, row in report.rows.items():
         cells = row.cells
-        yield name, [shown(cells[measure.key], measure) for measure in report.measures]
+        yield name, [_shown(cells[measure.key], measure) for measure in report.measures]
 
 
-def shown(cell: Interval, measure: Measure) -> str:
+def _shown(cell: Interval, measure: Column) -> str:
     """Mean and half interval with the measure's digits; n/a for NaN."""
     if cell.mean != cell.mean:
         return "n/a"

@@ -10,14 +10,14 @@ from torch import Tensor
 from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import SIDES, Side
 from geneoh.errors import GeneOHError
-from geneoh.generators.text2hoi.generate import sequence_of
-from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.generate import action_sequence
+from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import asked_giver
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.resting import eased, finished
 from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
-from geneoh.generators.text2hoi.sampling import sample
+from geneoh.generators.text2hoi.sampling import sample_actions
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
@@ -87,7 +87,7 @@ class Drawn(Bundle):
 
 
 def draw_clips(
-    networks: Networks,
+    networks: Text2HoiNetworks,
     data: ActionData,
     *,
     generator: torch.Generator,
@@ -111,7 +111,9 @@ def draw_clips(
             asked_giver(sentence.lower()) if verb == "pass" else None
             for sentence, verb in zip(asked[1], verbs, strict=True)
         ]
-        made, touched = sample(networks, *asked, generator=generator, contact=given, giver=giver)
+        made, touched = sample_actions(
+            networks, *asked, generator=generator, contact=given, giver=giver
+        )
         # clips that were drawn together are as long as the longest of them
         made = made.at_frames(every.minimum(made.length[:, None] - 1))
         parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
@@ -144,7 +146,7 @@ def refined(
     count, made = len(actions.verb), {}
     clips = ((n, actions.take(slice(n, n + 1), "B")) for n in range(count))
     refine = partial(refined_with_number, seed=seed)
-    for number, clip in results_of(clips, refine, jobs=jobs, lost=lost):
+    for number, clip in results_of(clips, refine, jobs=jobs, lost=_lost):
         made[number] = clip
         if on_step is not None:
             on_step(len(made), count)
@@ -157,7 +159,7 @@ def refined_with_number(numbered: tuple[int, Actions], seed: int) -> tuple[int, 
     return number, refined_clip(clip, seed)
 
 
-def lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
+def _lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
     """A clip that ended its workers ends the evaluation."""
     raise GeneOHError(f"clip {numbered[0]} of those that are refined: {why}")
 
@@ -185,7 +187,7 @@ def refined_parts(clip: Actions, seed: int) -> Actions:
         stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
         settle = partial(settled, stood=stood, generator=torch.Generator().manual_seed(seed))
     clip = finished(clip, settle)
-    sequence = sequence_of(clip, meshes)
+    sequence = action_sequence(clip, meshes)
     clean = clean_interaction(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()
     for track in clean.hands:

@@ -37,7 +37,12 @@ from geneoh.evaluation.generation.scores import (
 )
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.generators.text2hoi.action_data import action_data
-from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
+from geneoh.generators.text2hoi.library import (
+    Text2HoiNetworks,
+    load_refiner,
+    load_text2hoi,
+    text2hoi_weights,
+)
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.resting import finished
 from geneoh.generators.text2hoi.samples import ActionData
@@ -109,7 +114,7 @@ def evaluate_generator(
         InputError: the data is not there, or holds no actions.
         CheckpointError: weights are missing, or the folder holds a classifier of other data.
     """
-    networks = load_networks(options.weights)
+    networks = load_text2hoi(options.weights)
     training, held_out, notes = split_clips(options, folder, on_progress)
     validation = held_out.actions.take(slice(None))
     tasks = classifier_tasks(options, training, validation, len(held_out.verb_words))
@@ -131,8 +136,8 @@ def evaluate_generator(
         made = clips(part_of(told, 0, 2))
         measured[name] = made, measure_clips(made, part_of(told, 1, 2))
     found = mean_scores([scores_under(model, measured, options) for model in models])
-    settings = settings_of(options, tasks, folder, count)
-    return GenerationReport(settings, command, found, (*about_run(settings), *notes))
+    settings = _settings_of(options, tasks, folder, count)
+    return GenerationReport(settings, command, found, (*_about_run(settings), *notes))
 
 
 def classifier_tasks(
@@ -161,7 +166,7 @@ def scores_under(
 
 
 def network_rows(
-    networks: Networks, real: ActionData, options: GenerationOptions, jobs: int
+    networks: Text2HoiNetworks, real: ActionData, options: GenerationOptions, jobs: int
 ) -> dict[str, Row]:
     """What the networks make, with and without their parts; all draw the same noise."""
     made: dict[bool, Drawn] = {}
@@ -169,7 +174,7 @@ def network_rows(
 
     def make(on_step: OnStep | None, contact: bool = True, refine: bool = False) -> Actions:
         if contact not in made:  # rows differ in what is done with the same actions
-            generator = drawn(options.seed, "text2hoi")
+            generator = row_generator(options.seed, "text2hoi")
             made[contact] = draw_clips(
                 networks, real, generator=generator, contact=contact, on_step=on_step
             )
@@ -189,11 +194,11 @@ def network_rows(
 def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, ScoredClips]:
     """The rows with one more after the first: real clips, with one another's verbs."""
     real, (_, *rest) = scored[REAL], scored.items()
-    order = torch.randperm(len(real.verb), generator=drawn(seed, "random verbs"))
+    order = torch.randperm(len(real.verb), generator=row_generator(seed, "random verbs"))
     return {REAL: real, "random verbs": replace(real, verb=real.verb[order]), **dict(rest)}
 
 
-def drawn(seed: int, row: str) -> torch.Generator:
+def row_generator(seed: int, row: str) -> torch.Generator:
     """What draws a row."""
     return seeded_generator(seed, "row", row)
 
@@ -221,7 +226,7 @@ def thinned(clips: Actions) -> Actions:
     return clips.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
 
 
-def settings_of(
+def _settings_of(
     options: GenerationOptions, tasks: dict[str, ClassifierTask], folder: Path, clips: int
 ) -> dict[str, Any]:
     """What the scores depend on."""
@@ -238,12 +243,12 @@ def settings_of(
         "refine": options.refine,
         "repetitions": options.repetitions,
         "classifier": {**first.record(), "hashes": hashes},
-        "weights": file_digests(weights_of(name, options.weights) for name in NETWORKS),
+        "weights": file_digests(text2hoi_weights(name, options.weights) for name in NETWORKS),
         "versions": package_versions(),
     }
 
 
-def about_run(settings: dict[str, Any]) -> tuple[str, ...]:
+def _about_run(settings: dict[str, Any]) -> tuple[str, ...]:
     """What a reader of the table must know."""
     classifier = settings["classifier"]
     hashes = classifier["hashes"]

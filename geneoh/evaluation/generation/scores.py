@@ -32,7 +32,7 @@ REPETITIONS = 20  # (paper)
 
 
 @dataclass(frozen=True)
-class Measure:
+class Column:
     """A column of the tables."""
 
     key: str  # name in the files
@@ -44,32 +44,30 @@ class Measure:
 
 
 MEASURES = (
-    Measure(
+    Column(
         "accuracy", "top-3", "%", "more", "clips whose verb is among the classifier's best 3", 1
     ),
-    Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
-    Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
-    Measure("multimodality", "mm.", "", "as real", "the same of 20 pairs with each verb"),
-    Measure("realism", "realism", "%", "more", "frames in which contacts can carry the object", 1),
-    Measure("moved_alone", "alone", "%", "less", "moving frames with no keypoint within 2 cm", 1),
-    Measure("depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex, mean"),
-    Measure("deepest_mm", "deepest", "mm", "less", "the same, largest of a clip", 1),
-    Measure(
-        "contact", "contact", "%", "as real", "frames with skin at most 5 mm off the object", 1
-    ),
-    Measure("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of the keypoints"),
+    Column("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
+    Column("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
+    Column("multimodality", "mm.", "", "as real", "the same of 20 pairs with each verb"),
+    Column("realism", "realism", "%", "more", "frames in which contacts can carry the object", 1),
+    Column("moved_alone", "alone", "%", "less", "moving frames with no keypoint within 2 cm", 1),
+    Column("depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex, mean"),
+    Column("deepest_mm", "deepest", "mm", "less", "the same, largest of a clip", 1),
+    Column("contact", "contact", "%", "as real", "frames with skin at most 5 mm off the object", 1),
+    Column("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of the keypoints"),
 )
 
 
 @dataclass(frozen=True)
-class Encoded(Bundle):
+class ClipFeatures(Bundle):
     """B clips of a row whose features are known."""
 
     features: Float[Tensor, "B F"]
 
 
 @dataclass(frozen=True)
-class ScoredClips(Encoded):
+class ScoredClips(ClipFeatures):
     """What is known of each of B clips of a row."""
 
     verb: Int[Tensor, " B"]  # that was asked for
@@ -89,7 +87,7 @@ class RowScores:
         return {key: interval(torch.tensor(values)) for key, values in self.values.items()}
 
 
-Scored = TypeVar("Scored", bound=Encoded)
+Scored = TypeVar("Scored", bound=ClipFeatures)
 
 
 def scored_by(model: ActionClassifier, clips: Actions, measures: ClipMeasures) -> ScoredClips:

@@ -11,8 +11,8 @@ from geneoh.body.skeleton import BODY_JOINTS
 from geneoh.bundle import concatenated
 from geneoh.evaluation.gestures.encoder import Seen
 from geneoh.generators.both2hands.features import with_other_fingers
-from geneoh.generators.both2hands.library import Networks
-from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
+from geneoh.generators.both2hands.library import Both2HandsNetworks
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, Branch, sample_hands
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.gestures.clips import Gestures
@@ -25,7 +25,7 @@ def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
     order = torch.randperm(len(real.body), generator=generator)
     other = torch.empty_like(order)
     other[order] = order.roll(1)
-    return hands_of(real, real, other)
+    return _hands_of(real, real, other)
 
 
 def mean_pose(real: Gestures, training: Gestures) -> BodyMotion:
@@ -42,17 +42,17 @@ def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) ->
     """
     scale = seen[1].body.flatten(0, 1).std(0).clamp(min=1e-3)
     own, known = ((each.body / scale).flatten(1) for each in seen)
-    return hands_of(real, training, torch.cdist(own, known).argmin(1))
+    return _hands_of(real, training, torch.cdist(own, known).argmin(1))
 
 
-def hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> BodyMotion:
+def _hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> BodyMotion:
     """The real bodies with the fingers of clips of the source."""
     fingers = axis_angle_to_matrix(source.pose[which][:, :, BODY_JOINTS:])
     return with_other_fingers(real.motion, fingers)
 
 
 def made_by_networks(
-    networks: Networks,
+    networks: Both2HandsNetworks,
     real: Gestures,
     sentences: Sequence[str],
     branch: Branch,
@@ -62,11 +62,13 @@ def made_by_networks(
     on_step: OnStep | None = None,
 ) -> BodyMotion:
     """What the networks make of the real bodies and a sentence each."""
-    config = SamplingConfig(steps=sampling_steps, branch=branch)
+    config = Both2HandsSampling(steps=sampling_steps, branch=branch)
     parts = []
     for start in steps(range(0, len(sentences), AT_ONCE), on_step):
         some = real.take(slice(start, start + AT_ONCE), "B")
         said = sentences[start : start + AT_ONCE]
         skeleton = some.skeleton
-        parts.append(sample(networks, some.motion, skeleton, said, config, generator=generator))
+        parts.append(
+            sample_hands(networks, some.motion, skeleton, said, config, generator=generator)
+        )
     return concatenated(parts, "B")

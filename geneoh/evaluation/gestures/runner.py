@@ -14,7 +14,7 @@ from geneoh.body.motion import BodyMotion
 from geneoh.bundle import spread
 from geneoh.choices import BODY_STAGES, STEPS
 from geneoh.evaluation.generation.report import GenerationReport
-from geneoh.evaluation.generation.runner import drawn, told_training
+from geneoh.evaluation.generation.runner import row_generator, told_training
 from geneoh.evaluation.generation.scores import REPETITIONS, repeat
 from geneoh.evaluation.gestures.encoder import (
     POOL,
@@ -26,7 +26,11 @@ from geneoh.evaluation.gestures.encoder import (
 from geneoh.evaluation.gestures.rows import made_by_networks, mean_pose, nearest_body, shuffled
 from geneoh.evaluation.gestures.scores import MEASURES, SCORES, ScoredHands, range_of, score_hands
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
-from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
+from geneoh.generators.both2hands.library import (
+    Both2HandsNetworks,
+    both2hands_weights,
+    load_both2hands,
+)
 from geneoh.generators.both2hands.limits import FingerRange
 from geneoh.generators.both2hands.sampling import Branch
 from geneoh.progress import OnProgress, OnStep
@@ -90,13 +94,13 @@ def evaluate_gestures(
         CheckpointError: weights are missing, or the folder holds an encoder of other data.
     """
     training, held_out = (read_gestures(options.data, split) for split in ("train", "val"))
-    networks = load_networks(options.weights)
+    networks = load_both2hands(options.weights)
     task = EncoderTask(options.encoder, training, held_out)
     model = trained(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
     asked = conditions(options, task, model)
     real = asked.real
     seen = Seen.of(real), task.seen
-    wrong = shuffled(real, generator=drawn(options.seed, "shuffled"))
+    wrong = shuffled(real, generator=row_generator(options.seed, "shuffled"))
     scored = {
         REAL: asked.scored(real.motion),
         SHUFFLED: asked.scored(wrong),
@@ -109,8 +113,8 @@ def evaluate_gestures(
     rows = repeat(
         scored[REAL], scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES
     )
-    settings = settings_of(options, task, folder, len(real.body))
-    about = about_run(settings, told_apart(scored[REAL], scored[SHUFFLED]))
+    settings = _settings_of(options, task, folder, len(real.body))
+    about = _about_run(settings, _told_apart(scored[REAL], scored[SHUFFLED]))
     return GenerationReport(settings, command, rows, measures=MEASURES, about=about)
 
 
@@ -119,7 +123,7 @@ def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder
     held_out = task.validation
     count = min(options.limit, len(held_out.body))
     real = held_out.take(spread(len(held_out.body), count), "B")
-    generator = drawn(options.seed, "sentences")
+    generator = row_generator(options.seed, "sentences")
     which = torch.randint(real.joined.shape[1], (count,), generator=generator).tolist()
     said = [str(each[n]) for each, n in zip(real.joined, which, strict=True)]
     told = model.sentences(task.numbers(said))
@@ -127,14 +131,14 @@ def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder
 
 
 def network_row(
-    networks: Networks,
+    networks: Both2HandsNetworks,
     asked: Conditions,
     branch: Branch,
     options: GestureOptions,
     on_step: OnStep | None,
 ) -> ScoredHands:
     """What the networks make, once of every condition and several times of some."""
-    generator = drawn(options.seed, "both2hands")
+    generator = row_generator(options.seed, "both2hands")
     make: Callable[..., BodyMotion] = partial(
         made_by_networks, networks, branch=branch, sampling_steps=options.steps, generator=generator
     )
@@ -147,13 +151,13 @@ def network_row(
     return asked.scored(motion, several)
 
 
-def told_apart(real: ScoredHands, wrong: ScoredHands) -> float:
+def _told_apart(real: ScoredHands, wrong: ScoredHands) -> float:
     """Share of the sentences that are nearer to the real clip than to it with another's hands."""
     apart, other = ((each.told - each.features).norm(dim=-1) for each in (real, wrong))
     return float((apart < other).float().mean())
 
 
-def settings_of(
+def _settings_of(
     options: GestureOptions, task: EncoderTask, folder: Path, clips: int
 ) -> dict[str, Any]:
     """What the scores depend on."""
@@ -166,12 +170,12 @@ def settings_of(
         "steps": options.steps,
         "repetitions": options.repetitions,
         "encoder": {**record, "hash": made},
-        "weights": file_digests(weights_of(name, options.weights) for name in BODY_STAGES),
+        "weights": file_digests(both2hands_weights(name, options.weights) for name in BODY_STAGES),
         "versions": package_versions(),
     }
 
 
-def about_run(settings: dict[str, Any], apart: float) -> tuple[str, ...]:
+def _about_run(settings: dict[str, Any], apart: float) -> tuple[str, ...]:
     """What a reader of the table must know."""
     encoder = settings["encoder"]
     chance = " / ".join(f"{100 * n / POOL:.1f}" for n in (1, 2, 3))

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS
-from geneoh.evaluation.generation.scores import Encoded, Measure
+from geneoh.evaluation.generation.scores import ClipFeatures, Column
 from geneoh.evaluation.gestures.encoder import POOL, GestureEncoder, Seen
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
@@ -19,15 +19,15 @@ from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
 
 MEASURES = (
-    Measure("top1", "R@1", "%", "more", f"sentences that find their clip among {POOL}", 1),
-    Measure("top2", "R@2", "%", "more", "the same among the best 2", 1),
-    Measure("top3", "R@3", "%", "more", "the same among the best 3", 1),
-    Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
-    Measure("mm_distance", "MM-dist.", "", "less", "mean distance of a sentence to its clip"),
-    Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
-    Measure("multimodality", "MMod.", "", "more", "the same of pairs with one body and sentence"),
-    Measure("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of finger joints"),
-    Measure("beyond", "beyond", "%", "less", "finger joints beyond the range of training", 2),
+    Column("top1", "R@1", "%", "more", f"sentences that find their clip among {POOL}", 1),
+    Column("top2", "R@2", "%", "more", "the same among the best 2", 1),
+    Column("top3", "R@3", "%", "more", "the same among the best 3", 1),
+    Column("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
+    Column("mm_distance", "MM-dist.", "", "less", "mean distance of a sentence to its clip"),
+    Column("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
+    Column("multimodality", "MMod.", "", "more", "the same of pairs with one body and sentence"),
+    Column("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of finger joints"),
+    Column("beyond", "beyond", "%", "less", "finger joints beyond the range of training", 2),
 )
 
 
@@ -53,7 +53,7 @@ def mean_of_counted(
 
 
 @dataclass(frozen=True)
-class ScoredHands(Encoded):
+class ScoredHands(ClipFeatures):
     """What is known of each of B clips of a row."""
 
     told: Float[Tensor, "B F"]  # features of the sentence that was asked for

@@ -13,11 +13,11 @@ from geneoh.choices import Side
 from geneoh.errors import GeneOHError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
-from geneoh.readers.builders import part_of
+from geneoh.readers.builders import stretch_of
 from geneoh.readers.recordings import read_clip, source_named
 from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.keypoints import keypoints
+from geneoh.sequence.keypoints import keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -42,10 +42,10 @@ class Clip:
 
 def unreadable_clip(name: str, error: GeneOHError) -> Clip:
     """The clip that stands for a file out of which none can be cut; its scores say why."""
-    return Clip(name, partial(refuse, error), error)
+    return Clip(name, partial(_refuse, error), error)
 
 
-def refuse(error: GeneOHError) -> Sequence:
+def _refuse(error: GeneOHError) -> Sequence:
     """Raise the error of a file out of which no clip can be cut."""
     raise error
 
@@ -75,7 +75,7 @@ def excerpts(
     valid = recording.sequence.hand(side).valid.numpy()
     found = []
     for run in runs(kept[::step]):
-        for start, stop in windows_of(run.stop - run.start, options):
+        for start, stop in windows_in_run(run.stop - run.start, options):
             first, last = run.start + start, run.start + stop
             span = slice(first * step, (last - 1) * step + 1, step)
             ruled_out = without is not None and without[span].any()
@@ -94,7 +94,7 @@ def recording_of(clip: str) -> str:
     return CUT.sub("", clip)
 
 
-def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
+def windows_in_run(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
     """First and last frame (exclusive) of the windows in a run; none in one that is too short."""
     if frames < options.frames:
         return
@@ -113,7 +113,7 @@ def read_excerpt(
     """One hand with keypoints and its object, from the data set's own files."""
     found = recordings_of(source, file, known)
     (whole,) = (each.sequence for each in found if each.name == recording)
-    cut = part_of(replace(whole, hands=(whole.hand(side),)), span)
+    cut = stretch_of(replace(whole, hands=(whole.hand(side),)), span)
     return with_keypoints(replace(cut, fps=whole.fps / span.step))
 
 
@@ -122,7 +122,7 @@ def with_keypoints(sequence: Sequence) -> Sequence:
     (hand,) = sequence.hands
     if hand.joints is not None:
         return sequence
-    joints = torch.where(hand.valid[:, None, None], keypoints(fill_gaps(hand)), torch.nan)
+    joints = torch.where(hand.valid[:, None, None], keypoints_of(fill_gaps(hand)), torch.nan)
     note = "keypoints of geneoh's mean hand in the recorded pose; pass --mano for the person's own"
     hands = (replace(hand, joints=joints),)
     return replace(sequence, hands=hands, source=f"{sequence.source} ({note})")

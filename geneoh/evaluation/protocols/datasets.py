@@ -31,7 +31,7 @@ from geneoh.readers.base import SourceClip, clip_name
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
-from geneoh.readers.sources.grab import touching
+from geneoh.readers.sources.grab import frames_of_touch
 from geneoh.readers.sources.hoi4d import CATEGORIES
 from geneoh.seeds import seed_of
 
@@ -95,7 +95,7 @@ def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
 
     Split and filters are TOCH's: runs of at least one window at 30 frames a second.
     """
-    contact = touching(file)
+    contact = frames_of_touch(file)
     for recording in recordings_of("grab", file, options.reader_options):
         first, sequence = first_frame(recording, file), recording.sequence
         for hand in sequence.hands:
@@ -150,7 +150,7 @@ def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
         yield from excerpts("arctic", file, recording, "right", every, options, without=far)
 
 
-def example(root: Path | None) -> Clip | None:
+def _example(root: Path | None) -> Clip | None:
     """TACO's example recording: 146 frames of a left hand with its object (CC BY 4.0).
 
     Without `root` it is the installed one; None when `root` holds no example.
@@ -216,7 +216,7 @@ USES: dict[str, tuple[str, ...]] = {
 """Which data sets make use of a setting of how clips are cut."""
 
 
-def refuse_unused(name: str, options: ProtocolOptions) -> None:
+def _refuse_unused(name: str, options: ProtocolOptions) -> None:
     """Raise `ConfigError` for a setting that clips of that name are not cut by."""
     plain = ProtocolOptions()
     for setting, used_by in USES.items():
@@ -236,8 +236,8 @@ def clips_by_file(
     that cannot be read is a clip whose scores say why. `synthetic` and the example of `taco` need
     none. `ConfigError` for settings that it makes no use of.
     """
-    clip = example(data_root(dataset, root)) if dataset == "taco" else None
-    refuse_unused("the example of taco" if clip else dataset, options)
+    clip = _example(data_root(dataset, root)) if dataset == "taco" else None
+    _refuse_unused("the example of taco" if clip else dataset, options)
     if dataset == "synthetic":
         return iter([[each] for each in synthetic.find(options)])
     if clip is not None:
@@ -245,10 +245,10 @@ def clips_by_file(
     protocol = PROTOCOLS[dataset]
     found = protocol.find(protocol.require(root))
     ordered = sorted(found, key=lambda file: seed_of("order", file.name))
-    return (clips_of(protocol, file, options) for file in ordered)
+    return (_clips_of(protocol, file, options) for file in ordered)
 
 
-def clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) -> list[Clip]:
+def _clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) -> list[Clip]:
     """The clips of one file; a damaged file does not keep the others from being scored."""
     try:
         return list(protocol.cut(file, options))

@@ -24,7 +24,7 @@ from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.solids import PARTS, Solids
-from geneoh.synthesis.surface import mesh_of
+from geneoh.synthesis.surface import mesh_of_solid
 
 COUNT = 100  # number of clips
 FPS = 30.0
@@ -66,7 +66,7 @@ def right_hand(
 def moving_object(clips: Interactions, number: int, solid: Solids) -> ObjectTrack:
     """The object of one of several clips with its motion; `solid` is that object alone."""
     parts = PARTS if bool(solid.jointed) else 1
-    meshes = tuple(mesh_of(solid.only(part)) for part in range(parts))
+    meshes = tuple(mesh_of_solid(solid.only(part)) for part in range(parts))
     rotation, translation = clips.rotation[number], clips.translation[number]
     return ObjectTrack(meshes, rotation[:, :parts], translation[:, :parts])
 

@@ -59,7 +59,7 @@ class TextHandsConfig(HandsConfig):
 
 
 @dataclass(frozen=True)
-class Encoded(Bundle):
+class EncodedBody(Bundle):
     """A condition as a network holds it, the same at all noise levels."""
 
     tokens: Float[Tensor, "B K D"]  # of the condition as a whole, then of words
@@ -90,7 +90,7 @@ class HandsDenoiser(nn.Module):
         return self.config.noise * cosine_levels(self.scale.size.device)
 
     def denoised(
-        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: Encoded
+        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: EncodedBody
     ) -> Float[Tensor, "B T 270"]:
         """The clean numbers in `x` = clean + sigma * noise.
 
@@ -134,9 +134,9 @@ def each_by_its_own(
     return torch.stack([layer(part) for layer, part in pairs], dim=2)
 
 
-def of_whole(told: Float[Tensor, "B D"]) -> Encoded:
+def of_whole(told: Float[Tensor, "B D"]) -> EncodedBody:
     """A condition of one token."""
-    return Encoded(told[:, None], torch.ones_like(told[:, :1], dtype=torch.bool))
+    return EncodedBody(told[:, None], torch.ones_like(told[:, :1], dtype=torch.bool))
 
 
 class BodyHands(HandsDenoiser):
@@ -148,7 +148,7 @@ class BodyHands(HandsDenoiser):
         size = config.frames_per_token * BODY
         self.body = nn.Linear(size, self.parts * config.width, bias=False)
 
-    def encode(self, body: Float[Tensor, "B T 198"]) -> Encoded:
+    def encode(self, body: Float[Tensor, "B T 198"]) -> EncodedBody:
         """Features of a body made ready for `denoised`."""
         body = in_steps(self.body_scale.normalise(body), self.config.frames_per_token)
         steps = self.body(body.flatten(-2))
@@ -169,7 +169,7 @@ class TextHands(HandsDenoiser):
         self.each = nn.Linear(config.words.width, config.width) if ours and self.words else None
         self.named = nn.Linear(config.width, 2 * config.gestures) if ours else None
 
-    def encode(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> Encoded:
+    def encode(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> EncodedBody:
         """Sentences made ready for `denoised`: their pieces, or their vectors by an encoder."""
         if self.words is None:
             return of_whole(self.text(said))
@@ -178,9 +178,9 @@ class TextHands(HandsDenoiser):
         if self.each is None:
             return of_whole(whole)
         tokens = torch.cat([whole[:, None], self.each(states)], dim=1)
-        return Encoded(tokens, nn.functional.pad(real, (1, 0), value=True))
+        return EncodedBody(tokens, nn.functional.pad(real, (1, 0), value=True))
 
-    def gestures(self, told: Encoded) -> Float[Tensor, "B 2 G"]:
+    def gestures(self, told: EncodedBody) -> Float[Tensor, "B 2 G"]:
         """Scores of what the left and the right hand do by a sentence, before the softmax."""
         assert self.named is not None, "the paper's form names no gestures"
         return self.named(told.tokens[:, 0]).unflatten(-1, (2, -1))

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from geneoh.body.motion import BodyMotion, PosedBody, local_rotations
+from geneoh.body.motion import BodyMotion, PosedBody, body_local_rotations
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, JOINT_NAMES, WRISTS
 from geneoh.choices import SIDES
 from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matrix
@@ -84,7 +84,7 @@ def with_fingers(
     if frame == "wrist":
         turned = posed.rotations[..., WRIST_OF, :, :] @ turned
     whole = torch.cat([posed.rotations[..., :BODY_JOINTS, :, :], turned], dim=-3)
-    return with_other_fingers(motion, local_rotations(whole)[..., BODY_JOINTS:, :, :])
+    return with_other_fingers(motion, body_local_rotations(whole)[..., BODY_JOINTS:, :, :])
 
 
 def with_other_fingers(motion: BodyMotion, fingers: Float[Tensor, "*B T 30 3 3"]) -> BodyMotion:

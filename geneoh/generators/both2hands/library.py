@@ -40,18 +40,18 @@ class Branches:
 
 
 @dataclass(frozen=True)
-class Networks(Branches):
+class Both2HandsNetworks(Branches):
     """All that makes hands of a body and a sentence."""
 
     blend: Blender
 
 
-def load_networks(
+def load_both2hands(
     folder: Path | None = None,
     *,
     text_encoder: Path | None = None,
     device: torch.device | str = "cpu",
-) -> Networks:
+) -> Both2HandsNetworks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of the CLIP or sentence-transformers model that networks were
@@ -64,7 +64,7 @@ def load_networks(
     """
     refuse_none_of(BODY_STAGES, folder)
     branches = load_branches(folder, text_encoder=text_encoder)
-    path = weights_of("blend", folder)
+    path = both2hands_weights("blend", folder)
     saved = load_checkpoint(path)
     blend = network_of(saved, path, Blender, BlendConfig)
     if blend.config.form == "ours":
@@ -76,13 +76,13 @@ def load_networks(
             "those"
         )
     body, text = branches.body.to(device), branches.text.to(device)
-    return Networks(body, text, branches.speech, blend.to(device))
+    return Both2HandsNetworks(body, text, branches.speech, blend.to(device))
 
 
 def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:
-    """The two networks that are blended; arguments and errors are those of `load_networks`."""
-    body = load_network(weights_of("body_hands", folder), BodyHands, HandsConfig)
-    path = weights_of("text_hands", folder)
+    """The two networks that are blended; arguments and errors are those of `load_both2hands`."""
+    body = load_network(both2hands_weights("body_hands", folder), BodyHands, HandsConfig)
+    path = both2hands_weights("text_hands", folder)
     saved = load_checkpoint(path)
     text = network_of(saved, path, TextHands, TextHandsConfig)
     encoder = None if text_encoder is None else foreign_encoder(text_encoder)
@@ -116,6 +116,6 @@ def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:
     return partial(sentence_numbers, tokenizer, longest=config.words.longest)
 
 
-def weights_of(name: str, folder: Path | None) -> Path:
+def both2hands_weights(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
     return file_or_shipped(name, folder, SHIPPED)

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 
@@ -53,6 +53,6 @@ def within_limits(fingers: Float[Tensor, "T 30 3 3"]) -> Float[Tensor, "T 30 3 3
     other_way = turned * (1 - 2 * math.pi / angle)
     nearer = limits.beyond(other_way) < limits.beyond(turned)
     held = torch.where(nearer[..., None], other_way, turned).clamp(limits.low, limits.high)
-    held = smoothed(held.flatten(1)[None], DEVIATION)[0].reshape_as(held)
+    held = smoothed_clips(held.flatten(1)[None], DEVIATION)[0].reshape_as(held)
     ill = (limits.beyond(turned) > ALLOWED).any(0)
     return torch.where(ill[:, None, None], axis_angle_to_matrix(held), fingers)

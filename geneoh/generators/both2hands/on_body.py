@@ -8,14 +8,14 @@ from typing import Literal
 import numpy as np
 import torch
 
-from geneoh.body.motion import BodyMotion, grounded, pose, turned
+from geneoh.body.motion import BodyMotion, grounded, pose, turned_body
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
 from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.errors import InputError
 from geneoh.generators.both2hands.features import with_other_fingers
-from geneoh.generators.both2hands.library import load_networks
+from geneoh.generators.both2hands.library import load_both2hands
 from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words
 from geneoh.geometry.rotations import axis_angle_to_matrix, turn_up
@@ -25,14 +25,14 @@ from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.progress import OnProgress
-from geneoh.readers.bodies.base import BodyRecording, at_rate, over_frames
+from geneoh.readers.bodies.base import BodyRecording, body_at_rate, body_over_frames
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.holding_check import TOUCHING_REACH
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
+from geneoh.sequence.distance_check import distance_to_object
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.sequence.validation import distance_to_object
 from geneoh.synthesis.actions import FPS
 
 
@@ -127,17 +127,17 @@ def generate_on_body(
     if held is not None and held.is_seen and not held.meshes:
         note = "the object has poses and no mesh, so that no hand is brought to it; --obj names one"
         body = replace(body, notes=(*body.notes, note))
-    paced = at_rate(body, FPS)
+    paced = body_at_rate(body, FPS)
     made = generate_hands(
         grounded(paced.skeleton, paced.motion).to(device),
         paced.skeleton,
         sentence,
         steps=options.steps,
         generator=torch.Generator().manual_seed(options.seed),
-        networks=load_networks(options.weights, text_encoder=options.text_encoder, device=device),
+        networks=load_both2hands(options.weights, text_encoder=options.text_encoder, device=device),
         on_step=on_progress and partial(on_progress, "hands"),
     ).to("cpu")
-    fingers = over_frames(made, body.frames).rotations[:, BODY_JOINTS:]
+    fingers = body_over_frames(made, body.frames).rotations[:, BODY_JOINTS:]
     body = replace(body, motion=with_other_fingers(body.motion, fingers), has_fingers=True)
     sequence = Sequence(
         hand_tracks(body.skeleton, body.file_motion),
@@ -148,7 +148,7 @@ def generate_on_body(
     if held is None or not held.meshes or options.refine == "none":
         return BodyWithHands(body, sequence, sentence, None)
     cleaning = Options(seed=options.seed, device=options.device)
-    sequence, refined = cleaned(sequence, cleaning, on_progress)
+    sequence, refined = _cleaned(sequence, cleaning, on_progress)
     return BodyWithHands(with_hands(body, sequence), sequence, sentence, refined)
 
 
@@ -164,7 +164,7 @@ def body_of(given: BodyRecording | Path | str) -> BodyRecording:
     )
 
 
-def cleaned(
+def _cleaned(
     sequence: Sequence, options: Options, on_progress: OnProgress | None
 ) -> tuple[Sequence, Denoised]:
     """The sequence with clean hands, but for one that never comes near the object.
@@ -197,7 +197,7 @@ def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
             turns[:, wrist] = above[:, PARENTS[wrist]].transpose(-1, -2) @ own[:, 0]
             turns[:, list(FINGER_JOINTS[hand.side])] = own[:, 1:]
     motion = BodyMotion(motion.root, turns)
-    return replace(body, motion=turned(motion, turn_up(body.up, "y").to(turns)))
+    return replace(body, motion=turned_body(motion, turn_up(body.up, "y").to(turns)))
 
 
 def save_on_body(made: BodyWithHands, path: Path | str) -> None:

@@ -20,11 +20,11 @@ from geneoh.bundle import concatenated
 from geneoh.choices import BodySource
 from geneoh.errors import GeneOHError, InputError
 from geneoh.generators.both2hands.features import placed
-from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.pieces import words_of
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.progress import OnStep, steps
-from geneoh.readers.bodies.base import BodyRecording, at_rate
+from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
@@ -82,7 +82,7 @@ def recorded_gestures(
     held = torch.tensor([window.group in groups_held for window in windows])
     kept = [n for n, window in enumerate(windows) if window.sentences or not told]
     windows, held = [windows[n] for n in kept], held[kept]
-    clips, divided = joined(windows), bool(held.any() and not held.all())
+    clips, divided = _joined(windows), bool(held.any() and not held.all())
     parts = [clips.take(some, "B") for some in ((~held, held) if divided else (slice(None),) * 2)]
     split = "validated on what is learned: there is no other recording"
     if divided:
@@ -105,7 +105,7 @@ def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Win
     Those without sentences are among them, so that the same recordings are held out with and
     without them.
     """
-    paced = at_rate(each.body, FPS)
+    paced = body_at_rate(each.body, FPS)
     reason = reason_against(paced)
     found = [] if reason else list(cut(each, paced))
     if told and found and not any(window.sentences for window in found):
@@ -129,7 +129,7 @@ def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:
     """The windows of a recording at 30 frames a second, each with what is said of all of it and of
     its first, middle and last frame."""
     motion, count = grounded(paced.skeleton, paced.motion), min(paced.frames, FRAMES)
-    for start in Windows.of(max(paced.frames, FRAMES)).starts:
+    for start in ClipWindows.of(max(paced.frames, FRAMES)).starts:
         at = [round((start + share * (count - 1)) * each.body.fps / FPS) for share in (0, 0.5, 1)]
         shown = (each.by_frame.get(frame, "") for frame in at)
         said = dict.fromkeys((*each.body.sentences, *shown))
@@ -156,7 +156,7 @@ def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:
     )
 
 
-def joined(windows: Sequence[Window]) -> Gestures:
+def _joined(windows: Sequence[Window]) -> Gestures:
     """All clips in one, each with as many sentences as the one of which most is said."""
     most = max(1, *(len(window.sentences) for window in windows))
     said = [window.sentences or ("",) for window in windows]

@@ -14,14 +14,14 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.choices import STEPS
-from geneoh.generators.both2hands.denoiser import Encoded, HandsDenoiser
+from geneoh.generators.both2hands.denoiser import EncodedBody, HandsDenoiser
 from geneoh.generators.both2hands.features import HANDS, placed, with_fingers, with_other_fingers
-from geneoh.generators.both2hands.library import Networks
+from geneoh.generators.both2hands.library import Both2HandsNetworks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.scene import PlacedBodies, both_answers, hands_of_text
-from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.from_noise import Answer, Sampler, from_noise
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 
@@ -30,7 +30,7 @@ Branch = Literal["blended", "body", "text"]
 
 
 @dataclass(frozen=True)
-class SamplingConfig:
+class Both2HandsSampling:
     """How hands are drawn from the networks."""
 
     sampler: Sampler = "multistep"
@@ -48,11 +48,11 @@ class SamplingConfig:
 class Process:
     """The reverse process over windows of clips."""
 
-    networks: Networks
-    windows: Windows
+    networks: Both2HandsNetworks
+    windows: ClipWindows
     scene: PlacedBodies
-    told: tuple[Encoded, Encoded]
-    config: SamplingConfig
+    told: tuple[EncodedBody, EncodedBody]
+    config: Both2HandsSampling
     generator: torch.Generator
     on_step: OnStep | None
 
@@ -114,12 +114,12 @@ class Process:
 
 
 @torch.no_grad()
-def sample(
-    networks: Networks,
+def sample_hands(
+    networks: Both2HandsNetworks,
     motion: BodyMotion,
     skeleton: Skeleton,
     sentences: Sequence[str],
-    config: SamplingConfig | None = None,
+    config: Both2HandsSampling | None = None,
     *,
     generator: torch.Generator,
     on_step: OnStep | None = None,
@@ -135,16 +135,16 @@ def sample(
     count, frames = motion.root.shape[:2]
     body, device = networks.body, motion.root.device
     moved = placed(motion.map(_at_least_a_window, "T"), body.config.frame)
-    windows = Windows.of(moved.root.shape[1])
+    windows = ClipWindows.of(moved.root.shape[1])
     skeletons = Skeleton(skeleton.offsets.to(device).expand(count, -1, -1))
     scene = PlacedBodies.of(skeletons.map(windows.repeat), moved.map(windows.cut))
     said = windows.repeat(networks.speech(sentences).to(device))
     told = body.encode(scene.body), networks.text.encode(said)
-    config = config or SamplingConfig()
+    config = config or Both2HandsSampling()
     process = Process(networks, windows, scene, told, config, generator, on_step)
     features = body.scale.denormalise(finite_output(process.hands()))
     if body.config.frame == "wrist":
-        features = smoothed(features, config.smoothing)
+        features = smoothed_clips(features, config.smoothing)
     made = with_fingers(moved, pose(skeletons, moved), features, body.config.frame)
     return with_other_fingers(motion, made.rotations[:, :frames, BODY_JOINTS:])
 
@@ -162,16 +162,16 @@ def generate_hands(
     *,
     steps: int = STEPS,
     generator: torch.Generator,
-    networks: Networks,
+    networks: Both2HandsNetworks,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """One body with fingers inside the limits of a hand; see `sample` and `check_sentence`."""
-    made = sample(
+    """One body with fingers in the limits of a hand; see `sample_hands` and `check_sentence`."""
+    made = sample_hands(
         networks,
         BodyMotion(motion.root[None], motion.rotations[None]),
         skeleton,
         [sentence],
-        SamplingConfig(steps=steps),
+        Both2HandsSampling(steps=steps),
         generator=generator,
         on_step=on_step,
     )

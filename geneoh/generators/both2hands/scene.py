@@ -8,7 +8,7 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, PosedBody, pose
 from geneoh.body.skeleton import Skeleton
 from geneoh.bundle import Bundle
-from geneoh.generators.both2hands.denoiser import BodyHands, Encoded, TextHands
+from geneoh.generators.both2hands.denoiser import BodyHands, EncodedBody, TextHands
 from geneoh.generators.both2hands.features import (
     HandsFrame,
     body_features,
@@ -60,7 +60,7 @@ def both_answers(
     text: TextHands,
     noisy: tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]],
     level: Float[Tensor, " B"],
-    told: tuple[Encoded, Encoded],
+    told: tuple[EncodedBody, EncodedBody],
     scene: PlacedBodies,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The clean hands of the body and of the sentence, both in the numbers of the body's network.

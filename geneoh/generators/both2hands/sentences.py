@@ -33,12 +33,12 @@ _IN_TURN = {"then", "first", "before", "after", "until", "later", "again", "stop
 def check_sentence(sentence: str) -> None:
     """`InputError` for a text that is no English sentence on hands, or contradicts itself."""
     words = words_of(sentence)
-    check_english(sentence, words, known_words(), on="what hands do", example=EXAMPLE)
+    check_english(sentence, words, known_gesture_words(), on="what hands do", example=EXAMPLE)
     refuse_contradiction(sentence)
 
 
 @cache
-def known_words() -> frozenset[str]:
+def known_gesture_words() -> frozenset[str]:
     """Words for what hands do: those of made gestures, of bodies, and of objects."""
     said = said_of_gestures()
     verbs = [form for phrase in said for part in phrase.split(" and ") for form in forms(part)]

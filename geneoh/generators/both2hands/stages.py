@@ -98,7 +98,7 @@ def body_task(
         if start:
             tokenizer = vocabulary_of(load_checkpoint(start).record, start)
         else:
-            tokenizer = vocabulary(data.training, pieces)
+            tokenizer = sentence_vocabulary(data.training, pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
     task = HandsTask(stage, chosen, data, speech, tokenizer, branches)
     path = folder / "body_hands.safetensors"
@@ -123,7 +123,7 @@ def scaled_as(
     return replace(task, config=config, scale=body.scale), (*notes, note)
 
 
-def vocabulary(clips: Gestures, pieces: int) -> Tokenizer:
+def sentence_vocabulary(clips: Gestures, pieces: int) -> Tokenizer:
     """At most `pieces` pieces of words, learned on all sentences of clips."""
     said = [clips.left, clips.right, clips.joined.ravel()]
     return learned_pieces((str(each) for some in said for each in some), pieces)

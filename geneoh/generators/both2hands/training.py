@@ -44,7 +44,7 @@ class Features(Bundle):
 
 
 @dataclass(frozen=True)
-class Samples(Bundle):
+class GestureSamples(Bundle):
     """A batch of clips with what is said of each."""
 
     features: Features
@@ -102,13 +102,13 @@ class HandsTask(SamplesTask):
         return "wrist" if self.name == "text_hands" else body.frame
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """Samples of which each piece is drawn for itself."""
+        """GestureSamples of which each piece is drawn for itself."""
         for part in own.divided(pieces):
             yield *self.samples(training, part, *parts), part
 
     def samples(
         self, training: bool, part: Part, *parts: object
-    ) -> tuple[Samples, torch.Generator]:
+    ) -> tuple[GestureSamples, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, self.name, *parts)
@@ -120,19 +120,19 @@ class HandsTask(SamplesTask):
         if self.name == "blend":
             scene = scene_of(data.take(pick, "B"), self.frame)
             features = Features.of(scene, self.frame)
-            return Samples(features, real, said, data.gesture[pick], scene), generator
+            return GestureSamples(features, real, said, data.gesture[pick], scene), generator
         kept = self.kept if training else self.kept_validation
         features = kept.take(pick, "B").map(Tensor.float)
-        return Samples(features, real, said, data.gesture[pick]), generator
+        return GestureSamples(features, real, said, data.gesture[pick]), generator
 
     def learned_from(self) -> dict[str, Any]:
         """Fingerprints of the clips and of the networks that are blended, and the vocabulary."""
         training, validation = self.data.training, self.data.validation
         return {
             "sequences": len(training.length),
-            "data": data_digest(training),
-            "validation": data_digest(validation),
-            "words": words_digest(training, validation),
+            "data": _data_digest(training),
+            "validation": _data_digest(validation),
+            "words": _words_digest(training, validation),
             "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
         }
@@ -140,7 +140,7 @@ class HandsTask(SamplesTask):
 
 def task_loss(
     model: HandsDenoiser | Blender,
-    samples: Samples,
+    samples: GestureSamples,
     config: Both2HandsConfig,
     draws: Draws,
     branches: Branches | None,
@@ -148,17 +148,17 @@ def task_loss(
     """The loss of a network at random levels of noise; `branches` are those that are blended."""
     if isinstance(model, Blender):
         assert branches is not None, "the blend is learned with the two networks before it"
-        found, clean = blended(model, branches, samples, config, draws)
+        found, clean = blended_answers(model, branches, samples, config, draws)
     else:
-        found, clean = denoised(model, samples, draws)
+        found, clean = _denoised(model, samples, draws)
     loss = hands_loss(found, clean, samples.real, config)
     if isinstance(model, TextHands) and model.named is not None and config.gestures:
         loss = loss + config.gestures * naming_loss(model, samples)
     return loss
 
 
-def denoised(
-    network: HandsDenoiser, samples: Samples, draws: Draws
+def _denoised(
+    network: HandsDenoiser, samples: GestureSamples, draws: Draws
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The answer of a network at random levels of noise, and the clean numbers."""
     clean = network.scale.normalise(samples.features.hands)
@@ -171,8 +171,12 @@ def denoised(
     return network.denoised(_noisy(network, clean, level, draws), level.float(), told), clean
 
 
-def blended(
-    blender: Blender, branches: Branches, samples: Samples, config: Both2HandsConfig, draws: Draws
+def blended_answers(
+    blender: Blender,
+    branches: Branches,
+    samples: GestureSamples,
+    config: Both2HandsConfig,
+    draws: Draws,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """Blended answers to a clip and its own sentence at random levels of noise, and their target.
 
@@ -215,7 +219,7 @@ def hands_loss(
     return loss
 
 
-def naming_loss(network: TextHands, samples: Samples) -> Float[Tensor, ""]:
+def naming_loss(network: TextHands, samples: GestureSamples) -> Float[Tensor, ""]:
     """Cross-entropy of what each hand does, by the sentence alone."""
     scores = network.gestures(network.encode(samples.said)).flatten(0, 1)
     known = samples.gesture.flatten() >= 0
@@ -247,12 +251,12 @@ def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
         network.body_scale.fit(features.body, real, scaling)
 
 
-def data_digest(data: Gestures) -> str:
+def _data_digest(data: Gestures) -> str:
     """A fingerprint of clips by their lengths and last poses."""
     return digest([data.length, data.pose[:, -1]])
 
 
-def words_digest(*several: Gestures) -> str:
+def _words_digest(*several: Gestures) -> str:
     """A fingerprint of what is said of clips, and of the gestures that it names."""
     told = ((clips.gesture, *map(str, clips.joined.ravel())) for clips in several)
     return digest(part for parts in told for part in parts)

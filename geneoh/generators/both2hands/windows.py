@@ -13,18 +13,18 @@ OVERLAP = 30
 
 
 @dataclass(frozen=True)
-class Windows:
+class ClipWindows:
     """The windows of a clip of one window's length or more."""
 
     frames: int  # of the clip
     starts: tuple[int, ...]
 
     @staticmethod
-    def of(frames: int) -> "Windows":
+    def of(frames: int) -> "ClipWindows":
         """As few windows as cover a clip, evenly spread."""
         last = frames - FRAMES
         steps = -(-last // (FRAMES - OVERLAP))
-        return Windows(frames, tuple(round(last * i / max(1, steps)) for i in range(steps + 1)))
+        return ClipWindows(frames, tuple(round(last * i / max(1, steps)) for i in range(steps + 1)))
 
     def cut(self, clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "W F *N"]:
         """All windows of all clips; those with the same start stand together."""
@@ -35,7 +35,7 @@ class Windows:
         return items.repeat(len(self.starts), *(1,) * (items.ndim - 1))
 
     def join(self, windows: Float[Tensor, "W F N"]) -> Float[Tensor, "B T N"]:
-        """Windows blended into clips, each with most weight in its middle."""
+        """ClipWindows blended into clips, each with most weight in its middle."""
         edge = torch.arange(1, FRAMES + 1, device=windows.device)
         weight = torch.minimum(edge, edge.flip(0)).to(windows)[:, None]
         parts = windows.unflatten(0, (len(self.starts), -1))

@@ -123,7 +123,7 @@ def recorded_actions(
         )
         for actions, of_shard in found
     )
-    held, words = held_out([label["subject"] for label in labels], config.held_out)
+    held, words = _held_out([label["subject"] for label in labels], config.held_out)
     parts = [
         ActionData(together.only(kept), tuple(names), tuple(verbs))
         for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
@@ -134,7 +134,7 @@ def recorded_actions(
     return TrainingData(parts[0], parts[1], made, notes)
 
 
-def held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
+def _held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
     """Which actions are of the subject that is held out, and words on that."""
     known = sorted(set(subjects), key=lambda name: (len(name), name))
     if chosen and chosen not in known:

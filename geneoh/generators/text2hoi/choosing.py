@@ -50,10 +50,10 @@ def missed_motion(actions: Actions) -> Float[Tensor, " B"]:
     """How much farther objects are from where they were drawn than they may be when they move only
     while a hand touches them, metres; less than zero where hands carry them.
     """
-    both = map(object_places, (actions, moved_by_hands(actions)))
+    both = map(_object_places, (actions, moved_by_hands(actions)))
     drawn, moved = (places - places[:, :1] for places in both)
-    missed = over_frames((drawn - moved).norm(dim=-1).mean(-1), actions)
-    return missed - MISSED_SHARE * over_frames(drawn.norm(dim=-1).mean(-1), actions) - MISSED
+    missed = _over_frames((drawn - moved).norm(dim=-1).mean(-1), actions)
+    return missed - MISSED_SHARE * _over_frames(drawn.norm(dim=-1).mean(-1), actions) - MISSED
 
 
 def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
@@ -66,7 +66,7 @@ def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
     middle = (middle + actions.translation)[:, None, :, None]
     reach = (actions.keypoints() - middle).norm(dim=-1) * actions.hands[:, :, None, None]
     reach = (reach / actions.hands.sum(1)[:, None, None, None]).transpose(1, 2).flatten(2)
-    places, reach = (v.unflatten(0, (-1, draws)) for v in (object_places(actions), reach))
+    places, reach = (v.unflatten(0, (-1, draws)) for v in (_object_places(actions), reach))
     objects = (places[:, :, None] - places[:, None]).norm(dim=-1).mean(-1)
     hands = (reach[:, :, None] - reach[:, None]).abs().sum(-1) / 21
     first = actions.take(slice(None, None, draws), "B")  # neighbours are of the same length
@@ -94,12 +94,12 @@ def depth_in_object(actions: Actions) -> Float[Tensor, " B"]:
     return (depth * there).sum(1) / there.sum(1)
 
 
-def object_places(actions: Actions) -> Float[Tensor, "B T 6 3"]:
+def _object_places(actions: Actions) -> Float[Tensor, "B T 6 3"]:
     """Three points of each part of the objects in the world."""
     rotation, translation = actions.part_poses()
     return (translation[..., None, :] + ARM * rotation.mT).flatten(2, 3)
 
 
-def over_frames(values: Float[Tensor, "B T"], actions: Actions) -> Float[Tensor, " B"]:
+def _over_frames(values: Float[Tensor, "B T"], actions: Actions) -> Float[Tensor, " B"]:
     """Means over the frames of each clip."""
     return (values * actions.valid).sum(1) / actions.length

@@ -14,18 +14,19 @@ from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refi
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
 from geneoh.generators.text2hoi.jointed import JointedObject, asked_joint, joined
-from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
+from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_refiner, load_text2hoi
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.opening import rigid_part
 from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.prompt import JOINTED, Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased_time, finished
-from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
+from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
 from geneoh.generators.text2hoi.settling import settled
-from geneoh.generators.text2hoi.standing import StandingObject, stand
+from geneoh.generators.text2hoi.standing import StandingObject, stand_on_table
 from geneoh.geometry.joint import Joint
-from geneoh.geometry.mesh import Mesh, MeshInput, meshes_of
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import clean_interaction
@@ -126,22 +127,23 @@ def generate(
     meshes = meshes_of(mesh)
     given = asked_joint(meshes, joint)
     prompt = read_prompt(sentence, frames=options.frames, jointed=len(meshes) > 1)
-    networks = load_networks(options.weights, text_encoder=options.text_encoder, device=device)
-    stood = stand(joined(meshes), options.up, generator=seeded_generator(options.seed, "points"))
+    networks = load_text2hoi(options.weights, text_encoder=options.text_encoder, device=device)
+    points = seeded_generator(options.seed, "points")
+    stood = stand_on_table(joined(meshes), options.up, generator=points)
     notes: tuple[str, ...] = ()
     jointed: JointedObject | None = None
     if len(meshes) == 2 and prompt.verb in JOINTED:
         pair = meshes[0], meshes[1]
         jointed, notes = JointedObject.of(pair, stood, given, closes=prompt.verb == "close")
     objects = objects_of(stood) if jointed is None else jointed.objects
-    frames = options.frames or prompt.frames or length_of(networks, prompt, options)
-    actions, contact = sample(
+    frames = options.frames or prompt.frames or _length_of(networks, prompt, options)
+    actions, contact = sample_actions(
         networks,
         objects.to(device),
         [prompt.told],
         [prompt.hands],
         torch.tensor([frames]),
-        SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
+        Text2HoiSampling(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=seeded_generator(options.seed, "motion"),
         giver=[prompt.giver],
         fitting=None if jointed is None else jointed.reached,
@@ -167,7 +169,7 @@ def generate(
         fault = f"the {prompt.giver} hand does not pass the object on"
         notes = (*notes, _fault_note(options.draws, fault))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
-    sequence, refined = placed(actions, stood, meshes, prompt.sentence), None
+    sequence, refined = placed_sequence(actions, stood, meshes, prompt.sentence), None
     if options.refine == "geneoh":
         # no tracker can have lost these hands: one that stands still at its object is meant to
         cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
@@ -179,7 +181,7 @@ def generate(
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
 
 
-def length_of(networks: Networks, prompt: Prompt, options: GenerateOptions) -> int:
+def _length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:
     """A random number of frames that suits the sentence."""
     text = networks.text.encode([prompt.told])
     return int(networks.length.sample(text, generator=seeded_generator(options.seed, "length")))
@@ -198,11 +200,11 @@ def objects_of(stood: StandingObject) -> Objects:
     )
 
 
-def placed(
+def placed_sequence(
     actions: Actions, stood: StandingObject, meshes: tuple[Mesh, ...], sentence: str
 ) -> Sequence:
     """The first action as a sequence, with the poses of the meshes as their files have them."""
-    sequence = sequence_of(actions, meshes, f"generated: {sentence}")
+    sequence = action_sequence(actions, meshes, f"generated: {sentence}")
     moved = [rigid_part(actions, part) for part in range(len(meshes))]
     poses = zip(*map(stood.poses, moved), strict=True)
     rotation, translation = (torch.stack(each, 1)[: sequence.frames] for each in poses)
@@ -210,7 +212,7 @@ def placed(
     return replace(sequence, object=motion)
 
 
-def sequence_of(actions: Actions, meshes: tuple[Mesh, ...], source: str = "") -> Sequence:
+def action_sequence(actions: Actions, meshes: tuple[Mesh, ...], source: str = "") -> Sequence:
     """The first action as a sequence of its hands of the mean shape and its object.
 
     `meshes` are one for each part of the object, in the frame of `Actions`; with one mesh the

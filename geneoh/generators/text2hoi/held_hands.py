@@ -99,7 +99,7 @@ def mean_offsets() -> Float[Tensor, "1 20 3"]:
     return load_hand("right").shaped(torch.zeros(1, 10)).offsets
 
 
-def moving(actions: Actions) -> Bool[Tensor, " T"]:
+def frames_of_motion(actions: Actions) -> Bool[Tensor, " T"]:
     """Frames before which or after which the object of the first action moves."""
     shift = actions.translation[0].diff(dim=0).norm(dim=-1)
     turn = matrix_to_axis_angle(actions.rotation[0, :-1].mT @ actions.rotation[0, 1:])

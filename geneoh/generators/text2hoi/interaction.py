@@ -86,7 +86,7 @@ class InteractionConfig(NetworkConfig):
 
 
 @dataclass(frozen=True)
-class Encoded(Bundle):
+class EncodedAction(Bundle):
     """A condition as the network holds it, the same at all noise levels."""
 
     tokens: Float[Tensor, "B K D"]  # of the condition as a whole, then of places on the object
@@ -147,7 +147,7 @@ class InteractionNetwork(nn.Module):
         """Inverse of `normalise`."""
         return numbers * self.std + self.mean
 
-    def encode(self, condition: Condition) -> Encoded:
+    def encode(self, condition: Condition) -> EncodedAction:
         """A condition made ready for `denoised`."""
         steps = in_steps(condition.valid, self.config.frames_per_token)
         whole, places = self.object(condition.objects, condition.contact)
@@ -160,10 +160,12 @@ class InteractionNetwork(nn.Module):
         time = whole.new_zeros(*steps.shape[:2], whole.shape[-1])
         if self.time is not None:
             time = whole + self.time(moments(steps))
-        return Encoded(torch.cat([whole, places], dim=1), seen, step_seen, condition.shown, time)
+        return EncodedAction(
+            torch.cat([whole, places], dim=1), seen, step_seen, condition.shown, time
+        )
 
     def denoised(
-        self, x: Float[Tensor, "B T 208"], level: Float[Tensor, " B"], told: Encoded
+        self, x: Float[Tensor, "B T 208"], level: Float[Tensor, " B"], told: EncodedAction
     ) -> Float[Tensor, "B T 208"]:
         """The clean numbers, normalised, in `x` = clean + sigma * noise.
 
@@ -196,7 +198,7 @@ class InteractionNetwork(nn.Module):
         return torch.cat(frames, dim=-1)[:, : x.shape[1]] * told.shown
 
     def sequence(
-        self, own: list[Float[Tensor, "B S _"]], told: Encoded
+        self, own: list[Float[Tensor, "B S _"]], told: EncodedAction
     ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, " N"]]:
         """All tokens and their positions: the condition's, then left, right, object step by step.
 

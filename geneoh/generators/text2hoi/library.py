@@ -31,7 +31,7 @@ length: machines and precisions round by a hundredth at most, and trainings have
 
 
 @dataclass(frozen=True)
-class Networks:
+class Text2HoiNetworks:
     """All that makes an interaction of a sentence and an object."""
 
     text: TextEncoder
@@ -40,12 +40,12 @@ class Networks:
     length: LengthNetwork
 
 
-def load_networks(
+def load_text2hoi(
     folder: Path | None = None,
     *,
     text_encoder: Path | None = None,
     device: torch.device | str = "cpu",
-) -> Networks:
+) -> Text2HoiNetworks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
     `text_encoder` is the folder of another text encoder, with which the networks were trained.
@@ -56,7 +56,7 @@ def load_networks(
     """
     refuse_none_of(GENERATOR_STAGES, folder)
     text = encoder_of(folder, text_encoder)
-    return Networks(
+    return Text2HoiNetworks(
         text,
         told_network("contact", folder, text, ContactNetwork, ContactConfig).to(device),
         told_network("interaction", folder, text, InteractionNetwork, InteractionConfig).to(device),
@@ -71,8 +71,8 @@ def told_network(
     network: Callable[[Any], Told],
     config: Callable[..., Any],
 ) -> Told:
-    """A network of a folder, else the shipped one; errors are those of `load_networks`."""
-    path = weights_of(name, folder)
+    """A network of a folder, else the shipped one; errors are those of `load_text2hoi`."""
+    path = text2hoi_weights(name, folder)
     saved = load_checkpoint(path)
     found = network_of(saved, path, network, config)
     refuse_other_encoder(path, saved.record, found.config.text, text)
@@ -119,7 +119,7 @@ def vector_of_training(
 
 def load_refiner(folder: Path | None) -> RefinerNetwork:
     """The refiner of a folder, else the shipped one; `CheckpointError` where it does not fit."""
-    return load_network(weights_of("refiner", folder), RefinerNetwork, RefinerConfig)
+    return load_network(text2hoi_weights("refiner", folder), RefinerNetwork, RefinerConfig)
 
 
 def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
@@ -129,6 +129,6 @@ def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEnc
     return load_text_encoder(text_encoder)
 
 
-def weights_of(name: str, folder: Path | None) -> Path:
+def text2hoi_weights(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
     return file_or_shipped(name, folder, SHIPPED)

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -54,7 +54,7 @@ def _drawn_way(
     share = ((share.cummax(1).values - STILL) / (1 - 2 * STILL)).clamp(0, 1)
     made_up = minimum_jerk((frames / last - MADE_UP[0]) / (MADE_UP[1] - MADE_UP[0]))
     share = torch.where((way > LEAST * most)[:, None], share, made_up)
-    return way, smoothed(share[..., None], SMOOTHING, actions.length)[..., 0].clamp(0, 1)
+    return way, smoothed_clips(share[..., None], SMOOTHING, actions.length)[..., 0].clamp(0, 1)
 
 
 def joint_frames(actions: Actions) -> Bool[Tensor, "B T"]:

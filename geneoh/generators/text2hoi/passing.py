@@ -1,7 +1,7 @@
 """Objects that one hand passes to the other: which hand gives, in words and in motion.
 
 The shipped networks do not hear the direction in a sentence, but half of what they draw goes each
-way; so of several draws those that go as the sentence says are kept (`sample`).
+way; so of several draws those that go as the sentence says are kept (`sample_actions`).
 """
 
 import re

@@ -19,7 +19,7 @@ from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.region import farthest_points
 
 SUMMARY = 19
-"""Numbers of `summary`."""
+"""Numbers of `_summary`."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class ObjectTokens(nn.Module):
         objects, contact = objects.take(some, "P"), contact[:, some]
         given = torch.cat([objects.channels, contact[..., None]], dim=-1)
         _, features = self.points(given)
-        whole = self.whole(torch.cat([features.amax(1), summary(objects, contact)], dim=-1))
+        whole = self.whole(torch.cat([features.amax(1), _summary(objects, contact)], dim=-1))
         kept = min(self.places, len(some))
         points, everywhere = objects.points, torch.ones_like(contact, dtype=torch.bool)
         first = torch.zeros_like(contact[:, 0], dtype=torch.long)
@@ -143,7 +143,7 @@ class WholeObject(nn.Module):
         return whole, whole.new_zeros(len(whole), 0, whole.shape[-1])
 
 
-def summary(objects: Objects, contact: Float[Tensor, "B P"]) -> Float[Tensor, "B 19"]:
+def _summary(objects: Objects, contact: Float[Tensor, "B P"]) -> Float[Tensor, "B 19"]:
     """Size and centroid, how parts move, and where and how much the object is touched (dm)."""
     share = contact / contact.sum(1, keepdim=True).clamp(min=1e-3)
     place = (share[..., None] * objects.points).sum(1)

@@ -52,7 +52,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Place:
+class ActionFrame:
     """From a recording to the world and the object's frame of actions.
 
     p_action = turn @ p_recording - origin in the world, p_upright = upright @ p_mesh - shift.
@@ -64,7 +64,9 @@ class Place:
     shift: Float[Tensor, " 3"]
 
     @classmethod
-    def of(cls, recording: Sequence, start: int, first: int, surface: Surface, up: Axis) -> "Place":
+    def of(
+        cls, recording: Sequence, start: int, first: int, surface: Surface, up: Axis
+    ) -> "ActionFrame":
         """The object is upright as in the frame `first`, when its lowest point is on the table,
         and above the origin in the frame `start`."""
         turn, track = turn_up(up), recording.object
@@ -93,9 +95,9 @@ def action_of(
         return "in which the object is not seen"
     seen = [track for track in recording.hands if usable(track, chosen)]
     first = int(torch.nonzero(known)[0])
-    place = Place.of(recording, int(chosen[0]), first, surface, up)
-    action = with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
-    near = touching(action, seen, chosen, place)
+    place = ActionFrame.of(recording, int(chosen[0]), first, surface, up)
+    action = _with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
+    near = _touching(action, seen, chosen, place)
     if label.hands is not None:
         asked = torch.tensor(TAKING_PART[label.hands])
         if bool((asked & ~near).any()):
@@ -114,7 +116,7 @@ def usable(track: HandTrack, chosen: Int[Tensor, " N"]) -> bool:
 
 
 def object_action(
-    recording: Sequence, chosen: Int[Tensor, " N"], surface: Surface, place: Place
+    recording: Sequence, chosen: Int[Tensor, " N"], surface: Surface, place: ActionFrame
 ) -> Actions:
     """The object's motion in the frames chosen, without hands."""
     track, zeros = recording.object, torch.zeros(1, dtype=torch.long)
@@ -154,8 +156,8 @@ def opening(rotation: Float[Tensor, "N Q 3 3"]) -> Float[Tensor, " N"]:
     return torch.from_numpy(np.unwrap(about_z * HINGE[2])).float()
 
 
-def with_hands(
-    action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: Place
+def _with_hands(
+    action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: ActionFrame
 ) -> Actions:
     """The action with all hands that are seen."""
     pose, wrist = action.pose.clone(), action.wrist.clone()
@@ -169,8 +171,8 @@ def with_hands(
     return replace(action, pose=pose, wrist=wrist)
 
 
-def touching(
-    action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: Place
+def _touching(
+    action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: ActionFrame
 ) -> Bool[Tensor, " 2"]:
     """Whether the left and the right hand come within `NEAR` of the object's points.
 

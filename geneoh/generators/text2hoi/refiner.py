@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from geneoh.bundle import spread
 from geneoh.choices import SIDES
 from geneoh.config import Limited
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.generators.text2hoi.losses import UNIT, masked_mean
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.tokens import HAND, HandFrame, Tokens, actions_of, tokens_of
@@ -144,7 +144,7 @@ def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor,
     hands = network(tokens, points, touched).hands
     if network.config.form == "ours":
         change = (hands - tokens.hands).transpose(1, 2)
-        change = smoothed(change.flatten(2), SMOOTHING, actions.length).view_as(change)
+        change = smoothed_clips(change.flatten(2), SMOOTHING, actions.length).view_as(change)
         hands = tokens.hands + change.transpose(1, 2)
     return actions_of(tokens.with_hands(hands), actions)
 
@@ -178,12 +178,12 @@ def refiner_loss(
     every = spread(points.shape[1], weights.frames).unique()
     some, points, normals = found.take(every, "T"), points[:, every], normals[:, every]
     before = coarse.take(every, "T").joints()
-    touch = contact_loss(joints[:, :, every], before, points, shown[:, :, every])
+    touch = contact_distance_loss(joints[:, :, every], before, points, shown[:, :, every])
     inside = penetration_loss(some, points, normals)
     return total + weights.contact * touch + weights.penetration * inside
 
 
-def contact_loss(
+def contact_distance_loss(
     joints: Float[Tensor, "B 2 T 21 3"],
     coarse: Float[Tensor, "B 2 T 21 3"],
     points: Float[Tensor, "B T P 3"],

@@ -50,7 +50,7 @@ def eased(actions: Actions) -> Actions:
     In `EASE` frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
     """
     last = (actions.length - 1)[:, None].to(actions.joint)
-    return at_times(actions, eased_time(actions.joint.shape[1], last))
+    return _at_times(actions, eased_time(actions.joint.shape[1], last))
 
 
 def eased_time(count: int, last: Float[Tensor, "B 1"]) -> Float[Tensor, "B {count}"]:
@@ -69,10 +69,10 @@ def retimed(actions: Actions, lengths: Int[Tensor, " B"]) -> Actions:
     """The same actions in other numbers of frames, two or more, from their starts to their ends."""
     pace = (actions.length - 1) / (lengths - 1)
     frames = torch.arange(int(lengths.max()), device=pace.device).minimum(lengths[:, None] - 1)
-    return replace(at_times(actions, frames * pace[:, None]), length=lengths)
+    return replace(_at_times(actions, frames * pace[:, None]), length=lengths)
 
 
-def at_times(actions: Actions, time: Float[Tensor, "B S"]) -> Actions:
+def _at_times(actions: Actions, time: Float[Tensor, "B S"]) -> Actions:
     """The same actions at times in frames from their starts, between frames by interpolation."""
     before = time.floor().long()
     after = torch.minimum(before + 1, actions.length[:, None] - 1)

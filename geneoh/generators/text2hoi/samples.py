@@ -54,7 +54,7 @@ class ActionData:
 
 
 @dataclass(frozen=True)
-class Samples(Bundle):
+class ActionSamples(Bundle):
     """A batch of actions with what tells of them."""
 
     actions: Actions
@@ -75,7 +75,7 @@ def draw_samples(
     encoder: TextEncoder,
     draws: Draws,
     network: ContactNetwork | None = None,
-) -> Samples:
+) -> ActionSamples:
     """Random actions with a random sentence each, some of them in a mirror.
 
     Clips are cut to the longest one of the whole batch, of which `draws` may be for a part. With a
@@ -95,7 +95,7 @@ def draw_samples(
         told, latent = draws.chance(config.estimated), draws.normal(network.config.latent)
         objects = Objects.of(chosen).take(told, "B")
         contact[told] = network.decode(latent[told], objects, text[told]).sigmoid()
-    return Samples(chosen, touched, contact, text)
+    return ActionSamples(chosen, touched, contact, text)
 
 
 def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:

@@ -9,10 +9,10 @@ from torch import Tensor
 
 from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
 from geneoh.generators.from_noise import Sampler, from_noise
-from geneoh.generators.smoothing import smoothed
+from geneoh.generators.smoothing import smoothed_clips
 from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.interaction import Condition, InteractionNetwork
-from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.resting import retimed
@@ -26,7 +26,7 @@ UNKNOWN = -1
 
 
 @dataclass(frozen=True)
-class SamplingConfig:
+class Text2HoiSampling:
     """How actions are drawn from the networks."""
 
     sampler: Sampler = "multistep"
@@ -41,13 +41,13 @@ class SamplingConfig:
 
 
 @torch.no_grad()
-def sample(
-    networks: Networks,
+def sample_actions(
+    networks: Text2HoiNetworks,
     objects: Objects,
     sentences: Sequence[str],
     hands: Sequence[HandsName],
     lengths: Int[Tensor, " B"],
-    config: SamplingConfig | None = None,
+    config: Text2HoiSampling | None = None,
     *,
     generator: torch.Generator,
     contact: Float[Tensor, "B P"] | None = None,
@@ -68,7 +68,7 @@ def sample(
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
     """
-    config, device = config or SamplingConfig(), objects.points.device
+    config, device = config or Text2HoiSampling(), objects.points.device
     clips = torch.arange(len(sentences), device=device).repeat_interleave(config.draws)
     objects, lengths = objects.take(clips, "B"), lengths.to(device)[clips]
     sentences = [sentences[int(clip)] for clip in clips]
@@ -102,9 +102,9 @@ def actions_of_numbers(
     lengths: Int[Tensor, " B"],
     smoothing: float,
 ) -> Actions:
-    """Drawn numbers as actions in the time that is asked for; see `sample`."""
+    """Drawn numbers as actions in the time that is asked for; see `sample_actions`."""
     valid, objects = condition.valid, condition.objects
-    numbers = smoothed(finite_output(numbers), smoothing, valid.sum(1))
+    numbers = smoothed_clips(finite_output(numbers), smoothing, valid.sum(1))
     flat, frame = network.denormalise(numbers), network.config.frame
     tokens = Tokens.of_flat(flat, valid, condition.present, objects.jointed, frame)
     return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)
@@ -112,7 +112,11 @@ def actions_of_numbers(
 
 @torch.no_grad()
 def contact_of(
-    networks: Networks, objects: Objects, sentences: Sequence[str], *, generator: torch.Generator
+    networks: Text2HoiNetworks,
+    objects: Objects,
+    sentences: Sequence[str],
+    *,
+    generator: torch.Generator,
 ) -> Float[Tensor, "B P"]:
     """Random contact maps for sentences and objects, as probabilities."""
     text = networks.text.encode(sentences).to(objects.points)
@@ -120,7 +124,7 @@ def contact_of(
 
 
 def condition_of(
-    networks: Networks,
+    networks: Text2HoiNetworks,
     objects: Objects,
     sentences: Sequence[str],
     hands: Sequence[HandsName],
@@ -146,7 +150,7 @@ def condition_of(
 def drawn_numbers(
     network: InteractionNetwork,
     condition: Condition,
-    config: SamplingConfig,
+    config: Text2HoiSampling,
     *,
     generator: torch.Generator,
     on_step: OnStep | None = None,

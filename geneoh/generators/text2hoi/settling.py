@@ -17,9 +17,9 @@ from geneoh.generators.text2hoi.held_hands import (
     TOUCH,
     HeldHands,
     Holding,
+    frames_of_motion,
     lifted,
     mean_offsets,
-    moving,
     new_hold,
     table_of,
 )
@@ -70,7 +70,7 @@ def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generat
     Where no drawn pose can hold what it lifts, the hand takes the nearest grasp that can.
     """
     solids, middle = solid_of(stood)
-    touching, moves = touching_hands(actions)[0], moving(actions)
+    touching, moves = touching_hands(actions)[0], frames_of_motion(actions)
     before: OtherHands | None = None
     other_way: OtherHands | None = None
     for number in (touching & moves).sum(1).argsort(descending=True).tolist():

@@ -53,7 +53,7 @@ class StandingObject:
         return (values[index] * weight).sum(-1) / weight.sum(-1)
 
 
-def stand(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> StandingObject:
+def stand_on_table(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> StandingObject:
     """The mesh with an axis of its frame up, its lowest point on the table, over the origin.
 
     Raises:

@@ -98,7 +98,7 @@ class Tokens(Bundle):
 
     def joints(self) -> Float[Tensor, "B 2 T 21 3"]:
         """Keypoints of mean hands, in the frame that hands are written in, metres."""
-        found = forward_kinematics(self.rotations, self.hands[..., :3], mean_offsets(self.hands))
+        found = forward_kinematics(self.rotations, self.hands[..., :3], _mean_offsets(self.hands))
         return found[0]
 
     def joints_on_object(self) -> Float[Tensor, "B 2 T 21 3"]:
@@ -134,7 +134,7 @@ def from_columns(numbers: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
     return rotation_6d_to_matrix(numbers.unflatten(-1, (3, 2)).mT.flatten(-2))
 
 
-def mean_offsets(like: Tensor) -> Float[Tensor, "1 2 1 20 3"]:
+def _mean_offsets(like: Tensor) -> Float[Tensor, "1 2 1 20 3"]:
     """Skeletons of the mean left and right hand, to broadcast over clips and frames."""
     found = [load_hand(s).shaped(torch.zeros(10)).offsets for s in ("left", "right")]
     return torch.stack(found).to(like)[None, :, None]

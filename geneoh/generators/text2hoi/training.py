@@ -20,7 +20,7 @@ from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, lengt
 from geneoh.generators.text2hoi.losses import geometric_loss, simple_loss
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, points_of, refiner_loss
-from geneoh.generators.text2hoi.samples import ActionData, Samples, draw_samples, sentences
+from geneoh.generators.text2hoi.samples import ActionData, ActionSamples, draw_samples, sentences
 from geneoh.generators.text2hoi.text import ASKED
 from geneoh.generators.text2hoi.tokens import Tokens, actions_of, tokens_of
 from geneoh.seeds import seeded_generator
@@ -67,7 +67,7 @@ class ActionTask(SamplesTask):
         return network
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """Samples that are drawn together and then divided."""
+        """ActionSamples that are drawn together and then divided."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, *parts)
         draws = Draws(own.count, generator, own)
@@ -146,7 +146,7 @@ def length_task_loss(
 
 
 def contact_task_loss(
-    network: ContactNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+    network: ContactNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
 ) -> Float[Tensor, ""]:
     """The loss of the contact network."""
     return contact_loss(
@@ -170,7 +170,7 @@ class Answer:
 
 
 def answer_to_noise(
-    network: InteractionNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+    network: InteractionNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
 ) -> Answer:
     """What the network makes of the samples at random levels of noise, in one pass."""
     tokens = tokens_of(samples.actions, network.config.frame)
@@ -194,7 +194,7 @@ def answer_to_noise(
 
 
 def interaction_loss(
-    network: InteractionNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+    network: InteractionNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
 ) -> Float[Tensor, ""]:
     """The loss of the interaction network at random levels of noise."""
     answer = answer_to_noise(network, samples, config, draws)
@@ -209,7 +209,7 @@ def interaction_loss(
 def refiner_task_loss(
     interaction: InteractionNetwork,
     network: RefinerNetwork,
-    samples: Samples,
+    samples: ActionSamples,
     config: Text2HoiConfig,
     draws: Draws,
 ) -> Float[Tensor, ""]:
@@ -231,19 +231,19 @@ def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict
     """What weights tell of the actions that they were learned from, and of the text encoder."""
     return {
         "sequences": len(data.training.actions),
-        "data": data_digest(data.training),
-        "validation": data_digest(data.validation),
-        "words": words_digest(data.training, data.validation),
+        "data": _data_digest(data.training),
+        "validation": _data_digest(data.validation),
+        "words": _words_digest(data.training, data.validation),
         **text_record(encoder),
     }
 
 
-def data_digest(data: ActionData) -> str:
+def _data_digest(data: ActionData) -> str:
     """A fingerprint of actions by their lengths and the last place of each wrist."""
     return digest([data.lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
-def words_digest(*several: ActionData) -> str:
+def _words_digest(*several: ActionData) -> str:
     """A fingerprint of what sentences for actions are made of: their verbs and objects."""
 
     def parts(data: ActionData) -> Iterator[Tensor | str]:

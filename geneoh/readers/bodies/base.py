@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.body.motion import BodyMotion, pose, turned
+from geneoh.body.motion import BodyMotion, pose, turned_body
 from geneoh.body.skeleton import JOINT_NAMES, Skeleton
 from geneoh.bundle import Bundle, equal_values, repr_by_shapes
 from geneoh.choices import Axis
@@ -59,10 +59,10 @@ class BodyRecording(Bundle):
     @property
     def file_motion(self) -> BodyMotion:
         """The motion in the world of the file, where `up` points up."""
-        return turned(self.motion, turn_up("y", self.up).to(self.motion.root))
+        return turned_body(self.motion, turn_up("y", self.up).to(self.motion.root))
 
 
-def upright(
+def upright_body(
     motion: BodyMotion, skeleton: Skeleton, given: Axis | None, *, usual: Axis | None = None
 ) -> tuple[BodyMotion, Axis, Notes]:
     """A motion in the world of a file with y up instead; the axis that was up; what was assumed.
@@ -80,10 +80,10 @@ def upright(
             f"{up} is taken to point up, as in such files, but the body stands along {spine}; "
             f"--up {spine} says so where it does not lie or bend",
         )
-    return turned(motion, turn_up(up, "y").to(motion.root)), up, notes
+    return turned_body(motion, turn_up(up, "y").to(motion.root)), up, notes
 
 
-def at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
+def body_at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
     """The same motion at about `fps` frames a second; the first and last moment stay frames."""
     steps = (recording.frames - 1) * fps / recording.fps
     if not steps < MOST_FRAMES:
@@ -92,14 +92,14 @@ def at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
             f"second, got {steps:.6g}; cut it into shorter ones, or correct its frame rate"
         )
     frames = max(1, round(steps)) + 1 if recording.frames > 1 else 1
-    motion = over_frames(recording.motion, frames)
+    motion = body_over_frames(recording.motion, frames)
     last = max(1, recording.frames - 1)
     rate = recording.fps * (frames - 1) / last if frames > 1 else recording.fps
     return replace(recording, motion=motion, fps=rate)
 
 
-def over_frames(motion: BodyMotion, frames: int) -> BodyMotion:
-    """The same motion over the same time in another number of frames; the way back of `at_rate`."""
+def body_over_frames(motion: BodyMotion, frames: int) -> BodyMotion:
+    """The same motion over the same time in another number of frames; undoes `body_at_rate`."""
     before = len(motion.root)
     if frames == before:
         return motion
@@ -107,7 +107,7 @@ def over_frames(motion: BodyMotion, frames: int) -> BodyMotion:
     return BodyMotion(between.points(motion.root), between.rotations(motion.rotations))
 
 
-def checked(recording: BodyRecording) -> BodyRecording:
+def checked_body(recording: BodyRecording) -> BodyRecording:
     """The recording, unless it can be no body in metres, radians and frames a second."""
     name = recording.source
     if not SMALLEST_FPS <= recording.fps <= LARGEST_FPS:
@@ -123,7 +123,7 @@ def checked(recording: BodyRecording) -> BodyRecording:
             f"{int((~finite).sum())}, the first is {int((~finite).nonzero()[0])}; cut or fill them"
         )
     check_place(recording.motion.root, "the body", name)
-    rest = pose(recording.skeleton, resting(1)).positions[0]
+    rest = pose(recording.skeleton, resting_body(1)).positions[0]
     height = float(rest[JOINT_NAMES.index("head"), 1] - rest[:, 1].min())
     if not SMALLEST_BODY <= height <= LARGEST_BODY:
         raise InputError(
@@ -147,7 +147,7 @@ def about_place(recording: BodyRecording) -> Notes:
     )
 
 
-def resting(frames: int) -> BodyMotion:
+def resting_body(frames: int) -> BodyMotion:
     """A body in the T-pose at the origin."""
     upright = torch.eye(3).expand(frames, len(JOINT_NAMES), 3, 3).clone()
     return BodyMotion(torch.zeros(frames, 3), upright)

@@ -18,12 +18,12 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from geneoh.body.motion import BodyMotion, local_rotations
+from geneoh.body.motion import BodyMotion, body_local_rotations
 from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton, embedded_skeleton
 from geneoh.choices import SIDES, Axis
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import shortest_turn
-from geneoh.readers.bodies.base import BodyRecording, checked, upright
+from geneoh.readers.bodies.base import BodyRecording, checked_body, upright_body
 from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
 from geneoh.readers.bodies.bvh_names import FINGER_WORDS, NEEDED, match_joints
 from geneoh.readers.clock import rate_of
@@ -64,13 +64,13 @@ def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) ->
             f"{quoted(names)}; rename the joints"
         )
     skeleton, motion, unit = as_body(file, found, path)
-    motion, up, notes = upright(motion, skeleton, up)
+    motion, up, notes = upright_body(motion, skeleton, up)
     same = fps is not None and abs(fps - file.fps) <= 0.05  # programs round the time of a frame
     rate, _ = rate_of(file.fps, file.fps if same else fps, str(path))
     notes = (*notes, f"lengths are taken as {unit}")
     fingers = all(f"{side}_{finger}1" in found for side in SIDES for finger in FINGER_WORDS)
     about = (rate, f"{path} (BVH)", up, fingers)
-    return checked(BodyRecording(motion, skeleton, torch.zeros(3), *about, notes=notes))
+    return checked_body(BodyRecording(motion, skeleton, torch.zeros(3), *about, notes=notes))
 
 
 def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton, BodyMotion, str]:
@@ -87,7 +87,7 @@ def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton,
     for joint, name in enumerate(JOINT_NAMES[1:], 1):
         above = JOINT_NAMES[PARENTS[joint]]
         if name not in kept:
-            placed = between(joint, kept)
+            placed = _between(joint, kept)
             own = turns[above] @ embedded_skeleton().offsets[joint]
             kept[name] = kept[above] + own if placed is None else placed
             turns[name] = turns[above]
@@ -100,7 +100,11 @@ def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton,
         turn = world[PARENTS[joint]] if index is None else rotations[:, index] @ turns[name]
         world.append(turn)
     root = metres * places[:, found["pelvis"]]
-    return Skeleton(offsets), BodyMotion(root, local_rotations(torch.stack(world, dim=1))), unit
+    return (
+        Skeleton(offsets),
+        BodyMotion(root, body_local_rotations(torch.stack(world, dim=1))),
+        unit,
+    )
 
 
 def unit_of(rest: Float[Tensor, "J 3"], found: dict[str, int]) -> tuple[str, float]:
@@ -156,7 +160,7 @@ def snapped(direction: Float[Tensor, " 3"]) -> Float[Tensor, " 3"]:
     return torch.eye(3)[index] * unit[index].sign() if size > SNAP else unit
 
 
-def between(joint: int, places: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, " 3"] | None:
+def _between(joint: int, places: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, " 3"] | None:
     """Where a joint that a file lacks stands on the straight way to one that hangs on it."""
     level, steps = children_of(joint), 1
     while level and not any(JOINT_NAMES[child] in places for child in level):

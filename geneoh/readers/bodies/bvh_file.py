@@ -17,7 +17,8 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.files.reading import read_bytes
 from geneoh.geometry import kinematics
-from geneoh.readers.records import FRAME_LIMIT, NUMBERS_LIMIT, Array, float32
+from geneoh.readers.nested_lists import NUMBERS_LIMIT
+from geneoh.readers.records import FRAME_LIMIT, Array, float32
 
 SIZE_LIMIT = 2**28
 """Bytes of a BVH: an hour of a body with fingers at 30 frames a second."""
@@ -62,7 +63,7 @@ class BvhFile:
 
     def posed(self) -> tuple[Float[Tensor, "T J 3"], Float[Tensor, "T J 3 3"]]:
         """Places and rotations of the joints in the file's world."""
-        return kinematics.forward_kinematics(
+        return kinematics.tree_kinematics(
             self.rotations, self.offsets[:, 0], self.offsets[:, 1:], self.parents
         )
 
@@ -79,7 +80,7 @@ def read_bvh_file(path: Path) -> BvhFile:
         raise InputError(f"{path}: expected HIERARCHY and MOTION of a BVH, got neither; {DAMAGED}")
     joints = read_hierarchy(parts[0], path)
     channels = sum(len(joint.channels) for joint in joints)
-    values, seconds = read_motion(parts[1], channels, path)
+    values, seconds = _read_motion(parts[1], channels, path)
     return BvhFile(tuple(joints), 1 / seconds, *posed_channels(joints, values))
 
 
@@ -145,7 +146,7 @@ def channels_of(words: list[str], path: Path) -> list[str]:
     return found
 
 
-def read_motion(text: str, channels: int, path: Path) -> tuple[Array, float]:
+def _read_motion(text: str, channels: int, path: Path) -> tuple[Array, float]:
     """(T, C) values of the channels, and the seconds of a frame."""
     head = re.match(r"\s*Frames:\s*(\d+)\s+Frame\s+Time:\s*(\S+)\s", text, re.IGNORECASE)
     try:

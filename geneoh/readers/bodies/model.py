@@ -42,7 +42,7 @@ def read_model(path: Path, betas: Float[Tensor, " S"] | None = None) -> RestBody
     hands = HAND_STARTS[len(regressor)]
     chosen = [*range(BODY_JOINTS), *range(hands, hands + 30)]
     check_tree(record, chosen)
-    joints = regressor @ (verts + shape_of(record, len(verts), betas))
+    joints = regressor @ (verts + _shape_of(record, len(verts), betas))
     places = float32(joints[chosen])
     offsets = places - places[[0, *PARENTS[1:]]]
     return RestBody(Skeleton(offsets), places[0])
@@ -56,7 +56,7 @@ def check_tree(record: Record, chosen: list[int]) -> None:
         raise record.refuse("kintree_table", f"the tree of {len(JOINT_NAMES)} joints", OFFICIAL)
 
 
-def shape_of(record: Record, count: int, betas: Float[Tensor, " S"] | None) -> Array:
+def _shape_of(record: Record, count: int, betas: Float[Tensor, " S"] | None) -> Array:
     """What betas add to the vertices at rest."""
     if betas is None or not bool(betas.any()) or "shapedirs" not in record:
         return np.zeros((count, 3))

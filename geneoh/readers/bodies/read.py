@@ -8,14 +8,14 @@ from pathlib import Path
 from geneoh.choices import Axis, Unit
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive
-from geneoh.geometry.mesh import meshes_of
+from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers import foreign_files
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.bvh import read_bvh
 from geneoh.readers.bodies.smpl import OFFSETS, read_smpl
 from geneoh.readers.meshes import find_meshes
 from geneoh.readers.npz_files import with_callers
-from geneoh.readers.npz_tracks import read_object
+from geneoh.readers.npz_objects import read_object
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
 

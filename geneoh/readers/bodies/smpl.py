@@ -22,7 +22,7 @@ from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
 from geneoh.files.values import read_values
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.readers.bodies.base import BodyRecording, checked, upright
+from geneoh.readers.bodies.base import BodyRecording, checked_body, upright_body
 from geneoh.readers.bodies.model import RestBody, read_model
 from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
@@ -87,14 +87,14 @@ def read_smpl(
     clips = values if isinstance(values, list) and values else [values]
     for index, value in enumerate(clips):
         where = f"{path} clip {index}" if len(clips) > 1 else str(path)
-        yield read_clip(as_record(value, where), fps, up, model)
+        yield _read_clip(as_record(value, where), fps, up, model)
 
 
-def read_clip(
+def _read_clip(
     record: Record, fps: float | None, up: Axis | None, model: Path | None
 ) -> BodyRecording:
     """The body in one dict of fields."""
-    layout = layout_of(record)
+    layout = _layout_of(record)
     turns, has_fingers, about_fingers = rotations_of(record, layout)
     transl = record.array(layout.translation, ("T", 3), unit="in metres")
     record.refuse_lengths(layout.root, layout.body, layout.translation)
@@ -105,8 +105,8 @@ def read_clip(
     motion = BodyMotion(float32(transl) + rest.rest_root, turns)
     said = record.optional_text(UP)
     up = up or next((axis for axis in AXES if axis == said), None)
-    motion, up, more = upright(motion, rest.skeleton, up, usual=layout.up)
-    return checked(
+    motion, up, more = upright_body(motion, rest.skeleton, up, usual=layout.up)
+    return checked_body(
         BodyRecording(
             motion,
             rest.skeleton,
@@ -123,7 +123,7 @@ def read_clip(
     )
 
 
-def layout_of(record: Record) -> Layout:
+def _layout_of(record: Record) -> Layout:
     """The layout whose fields are all there; `InputError` where there is none."""
     for layout in LAYOUTS:
         if all(name in record for name in (layout.root, layout.body, layout.translation)):
@@ -145,8 +145,8 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
         fingers = None if start is None else poses[:, start : start + 3 * FINGERS]
         body = in_radians(record, layout.body, poses[:, : 3 * BODY_JOINTS])
     else:
-        root = turns_of(record, layout.root, 1)
-        posed = turns_of(record, layout.body, 21, 23)[:, :63]
+        root = _turns_of(record, layout.root, 1)
+        posed = _turns_of(record, layout.body, 21, 23)[:, :63]
         record.refuse_lengths(layout.root, layout.body)
         parts = [in_radians(record, layout.root, root), in_radians(record, layout.body, posed)]
         body = np.concatenate(parts, axis=1)
@@ -159,7 +159,7 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
     return axis_angle_to_matrix(vectors), fingers is not None, notes
 
 
-def turns_of(record: Record, name: str, *counts: int) -> Array:
+def _turns_of(record: Record, name: str, *counts: int) -> Array:
     """(T, 3J) axis-angle of one of so many joints, which may be matrices, as HMR 2.0 writes."""
     turns = read_turns(record, name, *counts)
     return (turns if turns.ndim < 4 else axis_angles(turns)).reshape(len(turns), -1)

@@ -31,7 +31,8 @@ from geneoh.readers import base, builders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import frame_number, read_array, read_json, read_record
 from geneoh.readers.meshes import find_mesh, part_of_mesh, read_mesh
-from geneoh.readers.records import Array, Record, Shape
+from geneoh.readers.nested_lists import Shape
+from geneoh.readers.records import Array, Record
 from geneoh.readers.transforms import axis_angles, rigid_matrices, rotation_matrices
 
 TEMPLATES = Path("meta/object_vtemplates")
@@ -56,9 +57,9 @@ def arctic(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     meshes, contradictions = read_parts(folder / stem.split("_")[0])
     yield base.ClipParts(
         f"ARCTIC {clip.name}",
-        [read_hand(record.record(side), side) for side in ("right", "left")],
+        [_read_hand(record.record(side), side) for side in ("right", "left")],
         meshes,
-        part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
+        _part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
         cross_checks=base.CrossChecks(contradictions=contradictions),
     )
 
@@ -76,7 +77,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     flat = "params" not in record and "obj_rot" in record
     params, world = (record if flat else record.record(n) for n in ("params", "world_coord"))
     values = params.side_by_side(obj_arti=1, obj_rot=3, obj_trans=3)
-    motion = part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES)
+    motion = _part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES)
     folder = (options.objects or templates(clip.path)) / clip.path.stem.split("_")[0]
     meshes, contradictions = read_parts(folder)
     joints: dict[Side, Array] = {}
@@ -90,7 +91,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
         moved = verts.mean(1, keepdims=True), mean_vertex(folder, motion)
     yield base.ClipParts(
         f"ARCTIC {clip.name} (processed)",
-        [read_hand(params, side, f"_{side[0]}", joints.get(side)) for side in ("right", "left")],
+        [_read_hand(params, side, f"_{side[0]}", joints.get(side)) for side in ("right", "left")],
         meshes,
         motion,
         cross_checks=base.CrossChecks(joints, object_points=moved, contradictions=contradictions),
@@ -114,7 +115,7 @@ def arcticnet(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     meshes, contradictions = read_parts(options.objects / words[1])
     first = min(numbers)
     images = Images(clip.path / "preds", np.array(numbers) - first)
-    motion = part_motion(
+    motion = _part_motion(
         images.placed(images.read("object.radian", ("T",), ("T", 1)).reshape(-1)),
         images.placed(images.read("object.rot", ("T", 3))),
         images.placed(images.read("object.cam_t", ("T", 3))),
@@ -167,7 +168,7 @@ class Images:
         )
 
 
-def read_hand(
+def _read_hand(
     record: Record, side: Side, ending: str = "", joints: Array | None = None
 ) -> base.ManoParameters:
     """One hand in the world, with (T, 21, 3) stored keypoints; fields have an ending."""
@@ -177,11 +178,11 @@ def read_hand(
         record.array(f"trans{ending}", ("T", 3)),
         record.array(f"shape{ending}", (10,), ("T", 10)).reshape(-1, 10).mean(0),
         joints=joints,
-        confidence=confidence_of(record, f"fitting_err{ending}"),
+        confidence=_confidence_of(record, f"fitting_err{ending}"),
     )
 
 
-def confidence_of(record: Record, name: str) -> Array | None:
+def _confidence_of(record: Record, name: str) -> Array | None:
     """(T, 21) trust by the error of the fit, in no known unit: 1 to the median, then its share."""
     error = record.optional_array(name, ("T",), ("T", 1))
     if error is None:
@@ -192,7 +193,7 @@ def confidence_of(record: Record, name: str) -> Array | None:
     return np.tile(np.where(np.isfinite(error), trust, 0.0)[:, None], 21)
 
 
-def part_motion(angle: Array, orient: Array, shift: Array) -> Array:
+def _part_motion(angle: Array, orient: Array, shift: Array) -> Array:
     """(T, 2, 4, 4) of bottom and top: the top is turned about the hinge, then moved as a whole."""
     whole = rotation_matrices(orient)
     opened = whole @ rotation_matrices(angle[:, None] * HINGE)
@@ -205,7 +206,7 @@ def read_parts(folder: Path) -> tuple[dict[str, Mesh], tuple[str, ...]]:
     where = str(folder / "mesh.obj")
     bottom, top = (part_of_mesh(mesh, ids == part, where) for part in (BOTTOM, TOP))
     meshes = {f"arctic_{folder.name}_bottom": bottom, f"arctic_{folder.name}_top": top}
-    return meshes, exchanged_parts(folder, bottom, top)
+    return meshes, _exchanged_parts(folder, bottom, top)
 
 
 def read_template(folder: Path) -> tuple[Mesh, Array]:
@@ -221,7 +222,7 @@ def read_template(folder: Path) -> tuple[Mesh, Array]:
     return mesh, ids
 
 
-def exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
+def _exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
     """Whether the parts' own meshes say that top and bottom are exchanged."""
     files = [folder / "bottom.obj", folder / "top.obj"]
     if not all(file.is_file() for file in files):

@@ -32,13 +32,9 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.mediapipe import refuse_image_landmarks
 from geneoh.readers.missing_keypoints import without_missing
-from geneoh.readers.npz_tracks import (
-    frames_with_shape,
-    observed_frames,
-    read_confidence,
-    read_object,
-    side_of,
-)
+from geneoh.readers.npz_hands import side_of
+from geneoh.readers.npz_objects import read_object
+from geneoh.readers.npz_tracks import frames_with_shape, observed_frames, read_confidence
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -52,7 +48,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
     count = ORDERS[order].count
-    fields = fields_of(clip.path, lambda array: {"joints": array})
+    fields = _fields_of(clip.path, lambda array: {"joints": array})
     record = Record(str(clip.path), fields, KEYPOINTS_REMEDY)
     side = side_of(record, options.side)
     points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
@@ -76,7 +72,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 @reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
 def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
-    fields = fields_of(clip.path, partial(columns, clip.path))
+    fields = _fields_of(clip.path, partial(_columns, clip.path))
     record = Record(str(clip.path), fields, PARAMETERS_REMEDY)
     side = side_of(record, options.side)
     if options.translation is None:
@@ -104,7 +100,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     )
 
 
-def fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[str, Array]:
+def _fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[str, Array]:
     """The fields of a file; `named` gives those of a bare array. A geneoh-sequence is refused."""
     value = read_values(path)
     if not isinstance(value, dict):
@@ -151,7 +147,7 @@ def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Arra
     return np.where(valid.numpy().reshape(-1, *[1] * (values.ndim - 1)), values, np.nan), notes
 
 
-def columns(path: Path, value: object) -> dict[str, Array]:
+def _columns(path: Path, value: object) -> dict[str, Array]:
     """The fields of a bare array."""
     record = Record(str(path), {"array": value}, PARAMETERS_REMEDY)
     array = record.array("array", ("T", 51), ("T", 61), ("T", 48))

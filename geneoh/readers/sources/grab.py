@@ -59,14 +59,14 @@ OTHER_FILES = ("_subj", "_meta_data")
 """Endings of the names of files that GeneOH puts beside the clips."""
 
 
-def sequences(found: Iterable[Path], path: Path) -> list[Path]:
+def _sequences(found: Iterable[Path], path: Path) -> list[Path]:
     """Every sequence below a path, without the files of tools/."""
     root = path if path.is_dir() else path.parent
     return [file for file in found if "tools" not in file.relative_to(root).parts[:-1]]
 
 
 @reads(
-    "*.npz", choose=sequences, name_parts=2, fps=120.0, convention=base.ORIGIN, takes=("objects",)
+    "*.npz", choose=_sequences, name_parts=2, fps=120.0, convention=base.ORIGIN, takes=("objects",)
 )
 def grab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the object they use; the table is left out."""
@@ -79,13 +79,13 @@ def grab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     turn = rotation_matrices(motion.array("global_orient", ("T", 3))).transpose(0, 2, 1)
     shift = motion.array("transl", ("T", 3))
     motion.refuse_lengths("global_orient", "transl")
-    hands = [hand_of(record, side, root) for side in ("right", "left")]
-    meshes = {f"grab_{name}": object_of(stated, name, root, options)}
+    hands = [_hand_of(record, side, root) for side in ("right", "left")]
+    meshes = {f"grab_{name}": _object_of(stated, name, root, options)}
     fps = record.finite("framerate") if "framerate" in record else None
     yield base.ClipParts(f"GRAB {clip.name}", hands, meshes, rigid_matrices(turn, shift), fps=fps)
 
 
-def touching(clip: base.SourceClip) -> dict[Side, Array]:
+def frames_of_touch(clip: base.SourceClip) -> dict[Side, Array]:
     """(T,) for each hand, the frames in which it touches the object, by the labels of contact."""
     labels = contact_labels(foreign_files.read_record(clip.path))
     return {side: np.any(np.isin(labels, parts), axis=1) for side, parts in HAND_LABELS.items()}
@@ -101,7 +101,7 @@ def contact_labels(record: Record) -> Array:
     return labels
 
 
-def object_of(stated: Record, name: str, root: Path, options: base.ReaderOptions) -> Mesh:
+def _object_of(stated: Record, name: str, root: Path, options: base.ReaderOptions) -> Mesh:
     """The object's mesh, by the path in the file or by its name."""
     places = [root / MESHES / f"{name}.ply"]
     if "object_mesh" in stated:
@@ -111,7 +111,7 @@ def object_of(stated: Record, name: str, root: Path, options: base.ReaderOptions
     return find_mesh(places, name)
 
 
-def hand_of(record: Record, side: Side, root: Path) -> base.ManoParameters:
+def _hand_of(record: Record, side: Side, root: Path) -> base.ManoParameters:
     """One hand, with its person's template and the betas that agree with it approximately."""
     hand = record.record("rhand" if side == "right" else "lhand")
     params = hand.record("params")
@@ -139,8 +139,8 @@ def inside(root: Path, relative: str) -> Path:
 )
 def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """One hand and the object, which is one recording for each stretch without a jump."""
-    record = read_fields(clip.path)
-    side = side_of(record)
+    record = _read_fields(clip.path)
+    side = _side_of(record)
     mano = builders.mano_of_coefficients(options, side, str(clip.path))
     mirror = np.array(MIRROR) if side == "left" else np.ones(3)
     verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror
@@ -157,7 +157,7 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     else:
         betas, places, moved_verts = subject
         wrist, offset = places + mano.wrist_offset(betas), (moved_verts - verts).mean(1)
-    name, mesh = read_object(record, clip.path, options)
+    name, mesh = _read_object(record, clip.path, options)
     # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
     rotation = rotation_matrices(record.array("f5", ("T", 3))).transpose(0, 2, 1)
     middle = mesh.verts.double().numpy().mean(0)
@@ -165,7 +165,7 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     joints = mano.keypoints(pose, wrist, betas)
     rim = verts[:, RIM].mean(1)
     points = stored_points(record) * mirror + offset[:, None]
-    moved = points, nearest_points(points, mesh, motion)
+    moved = points, _nearest_points(points, mesh, motion)
     yield base.ClipParts(
         f"GRAB clip {clip.name}",
         [builders.hand_track(side, joints, pose=pose, wrist=wrist, betas=betas)],
@@ -177,7 +177,7 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     )
 
 
-def read_fields(path: Path) -> Record:
+def _read_fields(path: Path) -> Record:
     """The fields of the structured array by name."""
     value = read_values(path)
     names = value.dtype.names if isinstance(value, np.ndarray) else None
@@ -189,7 +189,7 @@ def read_fields(path: Path) -> Record:
     return Record(str(path), {name: value[name] for name in names})
 
 
-def side_of(record: Record) -> Side:
+def _side_of(record: Record) -> Side:
     """Which hand: the last field, f9 before TOCH's correspondences are added and f12 after."""
     name = "f12" if "f12" in record else "f9"
     left = record.array(name, ("T",))
@@ -240,7 +240,7 @@ def shape_and_wrist(
     return betas, wrist
 
 
-def read_object(record: Record, path: Path, options: base.ReaderOptions) -> tuple[str, Mesh]:
+def _read_object(record: Record, path: Path, options: base.ReaderOptions) -> tuple[str, Mesh]:
     """Name and mesh of the object, by its number in the sorted listing of all meshes."""
     if options.meshes:
         return path.stem, options.meshes[0]
@@ -284,7 +284,7 @@ def stored_points(record: Record) -> Array:
     return points.reshape(len(points), -1, 3)[:, :POINTS_CHECKED]
 
 
-def nearest_points(points: Array, mesh: Mesh, motion: Array) -> Array:
+def _nearest_points(points: Array, mesh: Mesh, motion: Array) -> Array:
     """(T, P, 3) the nearest points on the moved mesh."""
     local = torch.from_numpy((points - motion[:, None, :3, 3]) @ motion[:, :3, :3])
     return moved_points(SurfaceDistance(mesh).query(local).closest.numpy(), motion)

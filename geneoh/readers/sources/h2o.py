@@ -38,16 +38,16 @@ FIT_TOLERANCE = 0.02
 )
 def h2o(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands with each object, in the world; it may be another object in another frame."""
-    hands = read_frames(clip.path, PARAMETER_FOLDERS, 2 * HAND)
-    objects = read_frames(clip.path, ("obj_pose_rt", "obj_pose_RT"), 17)
-    cameras = read_frames(clip.path, ("cam_pose",), 16)
-    points = read_frames(clip.path, ("hand_pose",), 2 * POINTS, missing_ok=True)
+    hands = _read_frames(clip.path, PARAMETER_FOLDERS, 2 * HAND)
+    objects = _read_frames(clip.path, ("obj_pose_rt", "obj_pose_RT"), 17)
+    cameras = _read_frames(clip.path, ("cam_pose",), 16)
+    points = _read_frames(clip.path, ("hand_pose",), 2 * POINTS, missing_ok=True)
     frames = max(*hands, *objects) + 1
     to_world = by_frame(cameras, frames, 16).reshape(frames, 4, 4)
     values, placed = by_frame(hands, frames, 2 * HAND), by_frame(objects, frames, 17)
     stored = by_frame(points, frames, 2 * POINTS)
-    joints = {side: hand_of(stored, side, POINTS)[:, 1:].reshape(-1, 21, 3) for side in HANDS}
-    tracks = [read_hand(hand_of(values, s, HAND), joints[s], s, to_world) for s in HANDS]
+    joints = {side: _hand_of(stored, side, POINTS)[:, 1:].reshape(-1, 21, 3) for side in HANDS}
+    tracks = [_read_hand(_hand_of(values, s, HAND), joints[s], s, to_world) for s in HANDS]
     motion = to_world @ placed[:, 1:].reshape(frames, 4, 4)
     stated: dict[Side, Array] = {s: transforms.moved_points(joints[s], to_world) for s in HANDS}
     checks = base.CrossChecks(stated, tolerance=FIT_TOLERANCE)
@@ -64,7 +64,7 @@ def h2o(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         yield base.ClipParts(f"H2O {clip.name} {name}", tracks, meshes, motion, **how)
 
 
-def read_frames(
+def _read_frames(
     folder: Path, names: tuple[str, ...], count: int, *, missing_ok: bool = False
 ) -> dict[int, Array]:
     """The numbers of each frame's file, from the first of some folders that is there."""
@@ -85,14 +85,14 @@ def all_numbers(path: Path, count: int) -> Array:
     return values
 
 
-def hand_of(rows: Array, side: Side, width: int) -> Array:
+def _hand_of(rows: Array, side: Side, width: int) -> Array:
     """(T, width) the numbers of one hand; NaN where its flag says that it is not there."""
     values = rows[:, width * HANDS[side] :][:, :width].copy()
     values[values[:, 0] != 1] = np.nan
     return values
 
 
-def read_hand(values: Array, joints: Array, side: Side, to_world: Array) -> base.ManoParameters:
+def _read_hand(values: Array, joints: Array, side: Side, to_world: Array) -> base.ManoParameters:
     """One hand in the camera's frame, with the stored keypoints where there are any."""
     present = base.finite_frames(values)
     betas = values[present, 52:].mean(0) if present.any() else None

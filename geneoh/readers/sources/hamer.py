@@ -44,8 +44,10 @@ def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     found, notes = read_detections(clip.path, options.focal)
     found, more = as_estimated(found)
     first, frames = int(found.frame.min()), int(np.ptp(found.frame)) + 1
-    rows: dict[Side, Array] = {side: rows_of(found, side) for side in ("right", "left")}
-    hands = [hand_of(found.take(own, "N"), s, first, frames) for s, own in rows.items() if len(own)]
+    rows: dict[Side, Array] = {side: _rows_of(found, side) for side in ("right", "left")}
+    hands = [
+        _hand_of(found.take(own, "N"), s, first, frames) for s, own in rows.items() if len(own)
+    ]
     notes = (*notes, *more)
     yield base.ClipParts(
         f"HaMeR or WiLoR {clip.name}",
@@ -57,15 +59,15 @@ def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     )
 
 
-def keypoints_of(found: Detections, side: Side) -> Array:
+def _keypoints_of(found: Detections, side: Side) -> Array:
     """(N, 21, 3) keypoints of hands of one side in the camera's frame."""
     points = found.points if side == "right" else mirror_points(found.points)
     return points + found.place[:, None]
 
 
-def rows_of(found: Detections, side: Side) -> Array:
+def _rows_of(found: Detections, side: Side) -> Array:
     """(M,) the detections of one side, one a frame: of several the nearest to the one before."""
-    wrist = keypoints_of(found, side)[:, 0]
+    wrist = _keypoints_of(found, side)[:, 0]
     chosen: list[int] = []
     rows = np.argsort(found.frame, kind="stable")
     for row in rows[found.right[rows] == (side == "right")].tolist():
@@ -78,12 +80,12 @@ def rows_of(found: Detections, side: Side) -> Array:
     return np.array(chosen, dtype=int)
 
 
-def hand_of(found: Detections, side: Side, first: int, frames: int) -> dict[str, Any]:
+def _hand_of(found: Detections, side: Side, first: int, frames: int) -> dict[str, Any]:
     """The arguments of `hand_track` for detections of one hand; NaN in frames without one."""
     pose, joints = np.full((frames, 16, 3), np.nan), np.full((frames, 21, 3), np.nan)
     turns, at = transforms.axis_angles(found.turns), found.frame - first
     pose[at] = turns if side == "right" else mirror_axis_angle(turns)
-    joints[at] = keypoints_of(found, side)
+    joints[at] = _keypoints_of(found, side)
     numbers = {"pose": pose, "wrist": joints[:, 0], "betas": found.betas.mean(0)}
     return {"side": side, "joints": joints, **numbers}
 

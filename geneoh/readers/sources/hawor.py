@@ -18,7 +18,8 @@ from geneoh.files.values import read_values
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base, foreign_files
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, Shape, described
+from geneoh.readers.nested_lists import Shape
+from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, described
 
 FIELDS: dict[str, Shape] = {
     **{"trans": (2, "T", 3), "rot": (2, "T", 3), "hand_pose": (2, "T", 45)},

@@ -49,10 +49,10 @@ def hocap(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     poses = Record(str(stored), {"poses_m": read_array(stored, (2, "T", 51))})
     betas = read_yaml(root / "calibration/mano" / f"{meta.text('subject_id')}.yaml")
     shape = betas.array("betas", (10,))
-    hands = [read_hand(poses, side, shape, options) for side in HANDS if side in sides]
+    hands = [_read_hand(poses, side, shape, options) for side in HANDS if side in sides]
     motions = dict(zip(names, map(transforms.rigid_of_xyzw, known(placed)), strict=True))
     folder = options.objects or root / "models"
-    for name in base.moving(motions):
+    for name in base.moving_objects(motions):
         mesh = find_mesh([folder / name / file for file in MESHES], f"object {name}")
         source, part = f"HO-Cap {clip.name} {name}", f"{clip.name}_{name}"
         yield base.ClipParts(source, hands, {f"hocap_{name}": mesh}, motions[name], name=part)
@@ -64,7 +64,7 @@ def known(values: Array) -> Array:
     return np.where(absent, np.nan, values)
 
 
-def read_hand(
+def _read_hand(
     poses: Record, side: Side, betas: Array, options: base.ReaderOptions
 ) -> base.ManoParameters:
     """One hand of `poses_m`, whose coefficients need the user's MANO."""

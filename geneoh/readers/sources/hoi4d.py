@@ -71,7 +71,7 @@ def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if not numbers:
         raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
     frames = max(numbers) + 1
-    motion = read_poses(files, frames)
+    motion = _read_poses(files, frames)
     present = base.finite_frames(motion)
     cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
     category, meshes = read_meshes(sequence, motion.shape[1], root, options)
@@ -79,7 +79,7 @@ def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if cameras is not None:
         contradictions = inverted_cameras(cameras[present], motion[present], str(clip.path))
         motion = cameras[:, None] @ motion
-    contradictions += exchanged_parts(meshes, motion[present])
+    contradictions += _exchanged_parts(meshes, motion[present])
     tracks = []
     for side, found in hands.items():
         records = {frame: read_record(path) for frame, path in found.items()}
@@ -99,20 +99,20 @@ def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     steps = read_steps(clip.path / "merged_data.npy")
     frames = max(steps) + 1
     hand = builders.hand_by_frame("right", steps, frames, "theta", "trans", "beta")
-    joints = read_joints(steps, frames)
-    motion = read_motion(steps, frames)
-    category, meshes = meshes_of(clip.path, motion.shape[1], options)
+    joints = _read_joints(steps, frames)
+    motion = _read_motion(steps, frames)
+    category, meshes = _meshes_of(clip.path, motion.shape[1], options)
     if options.mano_dir is None:  # with the model keypoints are made; else they place the wrist
         hand = replace(hand, joints=builders.joints_if_complete(joints, hand.pose))
     named = {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)}
-    found = exchanged_parts(meshes, motion[base.finite_frames(motion)])
+    found = _exchanged_parts(meshes, motion[base.finite_frames(motion)])
     stated = base.stated("right", joints if np.isfinite(joints).any() else None)
     checks, notes = base.CrossChecks(stated, contradictions=found), ("camera frame",)
     source = f"HOI4D {clip.name} (GeneOH)"
     yield base.ClipParts(source, [hand], named, motion, notes=notes, cross_checks=checks)
 
 
-def read_poses(files: dict[int, Path], frames: int) -> Array:
+def _read_poses(files: dict[int, Path], frames: int) -> Array:
     """(T, Q, 4, 4) of the parts to the camera; NaN where there is no file."""
     parts = {frame: pose_list(path) for frame, path in files.items()}
     count = max((len(found) for found in parts.values()), default=0)
@@ -178,7 +178,7 @@ def read_meshes(
     return category, [find_mesh([file], f"{category} {instance}") for file in files]
 
 
-def exchanged_parts(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
+def _exchanged_parts(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
     """Whether two parts come together only with their poses exchanged."""
     if len(meshes) != 2 or not len(poses):
         return ()
@@ -239,7 +239,7 @@ def read_steps(path: Path) -> dict[int, Record]:
     return steps
 
 
-def read_joints(steps: dict[int, Record], frames: int) -> Array:
+def _read_joints(steps: dict[int, Record], frames: int) -> Array:
     """(T, 21, 3) stored keypoints; NaN in frames without."""
     stated = {frame: step for frame, step in steps.items() if "joints" in step}
     shapes = (63,), (21, 3)
@@ -247,7 +247,7 @@ def read_joints(steps: dict[int, Record], frames: int) -> Array:
     return by_frame(found, frames, 21, 3)[:, builders.OPENPOSE_FROM_MANO]
 
 
-def read_motion(steps: dict[int, Record], frames: int) -> Array:
+def _read_motion(steps: dict[int, Record], frames: int) -> Array:
     """(T, Q, 4, 4) of the parts to the camera; NaN where there is no frame."""
     poses = {}
     for frame, step in steps.items():
@@ -261,7 +261,7 @@ def read_motion(steps: dict[int, Record], frames: int) -> Array:
     return by_frame(complete, frames, count, 4, 4)
 
 
-def meshes_of(case: Path, count: int, options: base.ReaderOptions) -> tuple[str, list[Mesh]]:
+def _meshes_of(case: Path, count: int, options: base.ReaderOptions) -> tuple[str, list[Mesh]]:
     """The category and the mesh of each part: the caller's, or the data set's own."""
     if options.meshes:
         return case.parent.name, list(options.meshes)

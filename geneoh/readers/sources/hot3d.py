@@ -41,21 +41,21 @@ COEFFICIENTS = 15
 )
 def hot3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands with each object that moves; what only lies there is left out."""
-    lines = moments(clip.path / "mano_hand_pose_trajectory.jsonl")
+    lines = _moments(clip.path / "mano_hand_pose_trajectory.jsonl")
     times = np.array([time for time, _ in lines])
-    hands = [read_hand([line for _, line in lines], side, options) for side in KEYS]
+    hands = [_read_hand([line for _, line in lines], side, options) for side in KEYS]
     record = Record(str(clip.path), {"timestamp_ns": times - times[0]})
     rate, clock, notes = timing_of(record, len(times), options.fps)
     motions = read_objects(clip.path / "dynamic_objects.csv", times)
     folder = options.objects or base.ancestor(clip.path, 1) / "assets"
     timed = {"fps": rate, "clock": clock, "notes": notes}
-    for name in base.moving(motions):
+    for name in base.moving_objects(motions):
         meshes = {f"hot3d_{name}": find_mesh([folder / f"{name}.glb"], f"object {name}")}
         source, part = f"HOT3D {clip.name} {name}", f"{clip.name}_{name}"
         yield base.ClipParts(source, hands, meshes, motions[name], name=part, **timed)
 
 
-def moments(path: Path) -> list[tuple[float, Record]]:
+def _moments(path: Path) -> list[tuple[float, Record]]:
     """Time in nanoseconds and hands of each moment, of those at the same moment the first."""
     lines = enumerate(foreign_files.read_json(path), 1)
     records = [as_record(value, f"{path} line {number}") for number, value in lines]
@@ -69,7 +69,7 @@ def moments(path: Path) -> list[tuple[float, Record]]:
     return found
 
 
-def read_hand(lines: list[Record], side: Side, options: base.ReaderOptions) -> base.ManoParameters:
+def _read_hand(lines: list[Record], side: Side, options: base.ReaderOptions) -> base.ManoParameters:
     """One hand, whose coefficients need the user's MANO; NaN in moments without it."""
     hands = {t: line.record(KEYS[side]) for t, line in enumerate(lines) if KEYS[side] in line}
     wrists = {t: hand.record("wrist_xform") for t, hand in hands.items()}

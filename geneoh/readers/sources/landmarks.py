@@ -26,8 +26,8 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.landmark_tables import read_points
 from geneoh.readers.mediapipe import Landmarks, Tracks, read_results
+from geneoh.readers.npz_hands import side_of
 from geneoh.readers.npz_layouts import quoted
-from geneoh.readers.npz_tracks import side_of
 from geneoh.readers.records import Array, Record, as_record, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
@@ -55,6 +55,31 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 def own_parts(value: object, name: str, where: str, options: base.ReaderOptions) -> base.ClipParts:
     """The interaction in a JSON of our own schema."""
+    record = own_record(value, where)
+    order = record.optional_text("order") or "openpose"
+    if order not in joint_orders.ORDERS:
+        raise record.refuse("order", f"one of {', '.join(joint_orders.ORDERS)}")
+    hands = record.record("hands")
+    frames = frames_of_hands(record, hands)
+    scale = METRES[options.keypoint_unit or "m"]
+    read: dict[Side, tuple[Array, Array]] = {
+        side: _read_frames(steps, order, scale, hands.where) for side, steps in frames.items()
+    }
+    rate, clock, about_time = timing_of(record, len(next(iter(frames.values()))), options.fps)
+    camera = scale * record.array("camera", (3,)) if "camera" in record else None
+    return base.ClipParts(
+        name,
+        [builders.hand_track(side, *points) for side, points in read.items()],
+        fps=rate,
+        clock=clock,
+        notes=about_time,
+        cross_checks=base.CrossChecks({side: joints for side, (joints, _) in read.items()}),
+        camera=None if camera is None else tuple(camera.tolist()),
+    )
+
+
+def own_record(value: object, where: str) -> Record:
+    """The fields of a JSON of our own schema, of a version that is read."""
     first = value[0] if isinstance(value, list) and value else None
     if isinstance(first, dict) and {f"{side}_joints" for side in SIDES} & first.keys():
         raise InputError(
@@ -72,10 +97,11 @@ def own_parts(value: object, name: str, where: str, options: base.ReaderOptions)
         raise record.refuse("format", f"'{FORMAT}'")
     if record.finite("version") != VERSION:
         raise record.refuse("version", f"{VERSION}")
-    order = record.optional_text("order") or "openpose"
-    if order not in joint_orders.ORDERS:
-        raise record.refuse("order", f"one of {', '.join(joint_orders.ORDERS)}")
-    hands = record.record("hands")
+    return record
+
+
+def frames_of_hands(record: Record, hands: Record) -> dict[Side, list[object]]:
+    """What the field `hands` holds in each frame, as many frames for each hand."""
     sides: list[Side] = [side for side in ("right", "left") if side in hands]
     if not sides:
         raise record.refuse("hands", "a dict with 'right', 'left' or both")
@@ -87,21 +113,7 @@ def own_parts(value: object, name: str, where: str, options: base.ReaderOptions)
             f"{hands.where}: expected as many frames for each hand, one or more, got {counts}; "
             "write null in frames where a hand was not seen"
         )
-    scale = METRES[options.keypoint_unit or "m"]
-    read: dict[Side, tuple[Array, Array]] = {
-        side: read_frames(steps, order, scale, hands.where) for side, steps in frames.items()
-    }
-    rate, clock, about_time = timing_of(record, lengths.pop(), options.fps)
-    camera = scale * record.array("camera", (3,)) if "camera" in record else None
-    return base.ClipParts(
-        name,
-        [builders.hand_track(side, *points) for side, points in read.items()],
-        fps=rate,
-        clock=clock,
-        notes=about_time,
-        cross_checks=base.CrossChecks({side: joints for side, (joints, _) in read.items()}),
-        camera=None if camera is None else tuple(camera.tolist()),
-    )
+    return frames
 
 
 def foreign_parts(
@@ -136,7 +148,7 @@ def foreign_parts(
     )
 
 
-def read_frames(
+def _read_frames(
     frames: list[object], order: JointOrder, scale: float, where: str
 ) -> tuple[Array, Array]:
     """(T, 21, 3) keypoints in metres, a unit being `scale`, NaN for none, and (T, 21) trust."""

@@ -31,21 +31,21 @@ CAPTURE_FPS = 120.0
 """Of OakInk2's motion capture; frames that were left out make it less."""
 
 
-def sequences(found: Iterable[Path], path: Path) -> Iterable[Path]:
+def _sequences(found: Iterable[Path], path: Path) -> Iterable[Path]:
     """The sequence and person that each annotation of a frame belongs to."""
     for file in found:
-        words = words_of(file)
+        words = _words_of(file)
         if file.parent.name == "general_info" and len(words) == 5:
             yield file.with_name("__".join(words[:3]))
 
 
-@reads("*__*__*__*__*.pkl", choose=sequences, takes=("objects",))
+@reads("*__*__*__*__*.pkl", choose=_sequences, takes=("objects",))
 def oakink(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """One person's hand and the object, in the world, from whichever camera has each frame."""
     folder, name = clip.path.parent, clip.path.name
     files: dict[int, Path] = {}
     for file in sorted(folder.glob(f"{escape(name)}__*.pkl")):
-        frame = words_of(file)[3]
+        frame = _words_of(file)[3]
         if frame.isdecimal() and int(frame) < FRAME_LIMIT:
             files.setdefault(int(frame), file)
     if not files:
@@ -54,11 +54,11 @@ def oakink(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     records = {frame: read_record(file) for frame, file in files.items()}
     hands = {frame: record.record("hand_anno") for frame, record in records.items()}
     places = {frame: folder.parent / "hand_j" / file.name for frame, file in files.items()}
-    stored = {frame: read_joints(file, records[frame]) for frame, file in places.items()}
+    stored = {frame: _read_joints(file, records[frame]) for frame, file in places.items()}
     joints = by_frame(stored, frames, 21, 3)
     names = ("hand_pose", "hand_tsl", "hand_shape")
     hand = builders.hand_by_frame("right", hands, frames, *names, quaternions=True)
-    item = words_of(clip.path)[0].split("_")[0]
+    item = _words_of(clip.path)[0].split("_")[0]
     models = options.objects or folder.parents[1] / "obj"
     meshes = [models / f"{item}{ending}" for ending in (".obj", ".ply")]
     hand = replace(hand, joints=builders.joints_if_complete(joints, hand.translation))
@@ -68,12 +68,12 @@ def oakink(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     yield base.ClipParts(f"OakInk {name}", [hand], named, motion, cross_checks=checks)
 
 
-def words_of(path: Path) -> list[str]:
+def _words_of(path: Path) -> list[str]:
     """Sequence, time stamp, person, frame and camera out of a file's name."""
     return path.stem.split("__")
 
 
-def read_joints(file: Path, record: Record) -> Array:
+def _read_joints(file: Path, record: Record) -> Array:
     """(21, 3) keypoints in the world; NaN without the file of them."""
     if not file.is_file():
         return np.full((21, 3), np.nan)
@@ -96,10 +96,10 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if not numbers or (steps <= 0).any() or numbers[-1] - numbers[0] > FRAME_LIMIT:
         raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
     stride = int(np.median(steps)) if len(steps) else 1
-    frames = nearest_frames(record, numbers, stride)
+    frames = _nearest_frames(record, numbers, stride)
     count = max(frames.values()) + 1
     stored = record.record("raw_mano")
-    hands = [read_hand(stored, side, frames, count) for side in ("right", "left")]
+    hands = [_read_hand(stored, side, frames, count) for side in ("right", "left")]
     for item in record.texts("obj_list"):
         places = record.record("obj_transf").record(item)
         poses = {t: places.array(n, (4, 4)) for n, t in frames.items() if n in places}
@@ -107,12 +107,12 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         if not np.isfinite(motion).all((1, 2)).any():
             continue
         name = "".join(c if c.isalnum() else "_" for c in item)
-        meshes = {f"oakink2_{name}": find_mesh(mesh_files(item, clip.path, options), item)}
+        meshes = {f"oakink2_{name}": find_mesh(_mesh_files(item, clip.path, options), item)}
         how = {"name": f"{clip.name}_{name}", "fps": CAPTURE_FPS / stride}
         yield base.ClipParts(f"OakInk2 {clip.name} {item}", hands, meshes, motion, **how)
 
 
-def nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int, int]:
+def _nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int, int]:
     """The frame nearest to each number, `stride` apart; numbers left out stay empty frames."""
     frames = {number: round((number - numbers[0]) / stride) for number in numbers}
     if len(set(frames.values())) < len(frames):
@@ -120,7 +120,9 @@ def nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int,
     return frames
 
 
-def read_hand(hands: Record, side: Side, frames: dict[int, int], count: int) -> base.ManoParameters:
+def _read_hand(
+    hands: Record, side: Side, frames: dict[int, int], count: int
+) -> base.ManoParameters:
     """One hand in `count` frames; NaN in those that lack it."""
     there = {n: t for n, t in frames.items() if hands.values.get(n) is not None}
     steps = {t: as_record(hands.values[n], f"{hands.where} {n}") for n, t in there.items()}
@@ -129,7 +131,7 @@ def read_hand(hands: Record, side: Side, frames: dict[int, int], count: int) -> 
     return builders.hand_by_frame(side, steps, count, *names, quaternions=True)
 
 
-def mesh_files(item: str, path: Path, options: base.ReaderOptions) -> list[Path]:
+def _mesh_files(item: str, path: Path, options: base.ReaderOptions) -> list[Path]:
     """Where an object's mesh may be, which is used as it is."""
     root = path.parents[1]
     name = item.replace("..", "_").replace("/", "_")

@@ -20,7 +20,7 @@ import torch
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh, checked
+from geneoh.geometry.mesh import Mesh, checked_mesh
 from geneoh.readers import base, builders, foreign_files, mano, transforms
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.meshes import find_mesh, read_mesh
@@ -49,7 +49,7 @@ def taco(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         name = poses[0].stem.removeprefix(f"{role}_")
         motion = foreign_files.read_array(poses[0], ("T", 4, 4))
         mesh = find_mesh([folder / f"{name}_cm.obj"], f"object {name}", "cm")
-        hand, meshes = read_hand(clip.path, side, len(motion)), {f"taco_{name}": mesh}
+        hand, meshes = _read_hand(clip.path, side, len(motion)), {f"taco_{name}": mesh}
         source, name = f"TACO {triplet} {sequence} {role}", f"{clip.name}_{role}"
         yield base.ClipParts(source, [hand], meshes, motion, name=name)
 
@@ -61,7 +61,7 @@ def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     side = options.side or "left"
     motion = record.array("obj_pose", ("T", 4, 4))
     stored = record.optional_array("obj_verts", (len(motion), "V", 3))
-    mesh = read_object(record, clip.path, motion, stored)
+    mesh = _read_object(record, clip.path, motion, stored)
     points = None
     if stored is not None and stored.shape[1:] == mesh.verts.shape:
         points = stored, transforms.moved_points(mesh.verts.double().numpy(), motion)
@@ -82,7 +82,7 @@ def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     )
 
 
-def read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
+def _read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
     """One hand in the object's frames, NaN in those left out, with betas if there is their file."""
     record = foreign_files.read_record(folder / f"{side}_hand.pkl")
     keys = {foreign_files.frame_number(Path(str(key))): key for key in record.values}
@@ -99,11 +99,11 @@ def read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
     return replace(hand, betas=betas)
 
 
-def read_object(record: Record, path: Path, motion: Array, stored: Array | None) -> Mesh:
+def _read_object(record: Record, path: Path, motion: Array, stored: Array | None) -> Mesh:
     """The mesh in its own frame, from the OBJ beside the pickle, else from the moved vertices."""
     if path.with_suffix(".obj").is_file() or stored is None:
         return read_mesh(path.with_suffix(".obj"))
     verts = (stored[0] - motion[0, :3, 3]) @ motion[0, :3, :3]
     faces = np.int64(record.array("obj_faces", ("F", 3)))
     mesh = Mesh(torch.from_numpy(np.float32(verts)), torch.from_numpy(faces))
-    return checked(mesh, record.where)
+    return checked_mesh(mesh, record.where)

@@ -13,13 +13,13 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rota
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import (
+    GestureTiming,
     HandMotion,
     HandSettings,
-    Timing,
     Variation,
     draw_timing,
     perform,
-    resting,
+    resting_hand,
     stroke,
     variation_of,
 )
@@ -118,7 +118,7 @@ def draw_seated(roles: Roles, shares: GestureShares, draws: Draws) -> bool:
     return bool(draws.chance(share))
 
 
-def hand_motions(
+def gesture_motions(
     roles: Roles,
     seated: bool,
     swing: Float[Tensor, "T 2"],
@@ -130,10 +130,10 @@ def hand_motions(
     rest = _rest_name(roles, seated, draws)
     shared = Variation.drawn(draws, settings, 0.5)
     still = torch.zeros(frames)
-    timing = Timing(still, still)
+    timing = GestureTiming(still, still)
     hands: list[tuple[HandMotion, Tensor, Tensor, Tensor]] = []
     for index, role in enumerate((roles.left, roles.right)):
-        at_rest = resting(RESTS[rest[index]], frames, swing[:, index], settings, draws)
+        at_rest = resting_hand(RESTS[rest[index]], frames, swing[:, index], settings, draws)
         if role.gesture is None:
             hands.append((at_rest, still, still, still))
             continue

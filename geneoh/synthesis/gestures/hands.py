@@ -51,7 +51,7 @@ class HandSettings:
 
 
 @dataclass(frozen=True)
-class Timing(Bundle):
+class GestureTiming(Bundle):
     """When a gesture happens, for the hands that make it together."""
 
     phase: Float[Tensor, " T"]  # strokes since it began; not above zero before
@@ -113,7 +113,7 @@ def variation_of(name: str, variant: int, settings: HandSettings) -> Variation:
 
 def draw_timing(
     gesture: Gesture, tempo: float, frames: int, settings: HandSettings, draws: Draws
-) -> Timing:
+) -> GestureTiming:
     """When the gesture begins, how fast its strokes are, and when it ends."""
     time = torch.arange(frames) / FPS
     early, late = bool(draws.chance(settings.early)), bool(draws.chance(settings.late))
@@ -131,7 +131,7 @@ def draw_timing(
     speed = 1 + settings.unsteady * draws.smooth(frames, 1, 20.0)[0, :, 0]
     # strokes begin while the hand arrives
     since = (time - begin - 0.7 * go) * speed.cumsum(0) / torch.arange(1, frames + 1)
-    return Timing(since / period, active)
+    return GestureTiming(since / period, active)
 
 
 def stroke(course: str, phase: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
@@ -145,7 +145,7 @@ def stroke(course: str, phase: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
 def perform(
     gesture: Gesture,
     variation: Variation,
-    timing: Timing,
+    timing: GestureTiming,
     rest: HandMotion,
     settings: HandSettings,
     draws: Draws,
@@ -156,7 +156,7 @@ def perform(
     course = course * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
     if gesture.course == "strike":
         course = course.clamp(max=1.0)  # a blow ends at what it meets
-    first, last = (place_of(each) for each in (gesture.start, gesture.end or gesture.start))
+    first, last = (_place_of(each) for each in (gesture.start, gesture.end or gesture.start))
     place = first + variation.size * course[:, None] * (last - first) + variation.place
     place = place + settings.sway * draws.smooth(frames, 3, 14.0)[0]
     fingers = finger_course(gesture, variation, timing, course, settings, draws)
@@ -185,7 +185,7 @@ def _turn_against_forearm(
     twist that no person makes.
     """
     one, other = (
-        against_forearm(turn_of(each), place_of(each), gesture.swivel)
+        against_forearm(turn_of(each), _place_of(each), gesture.swivel)
         for each in (gesture.start, gesture.end or gesture.start)
     )
     turn = interpolate_rotations(one, other, course.clamp(0, 1.2))
@@ -210,7 +210,7 @@ def _forearm(
 def finger_course(
     gesture: Gesture,
     variation: Variation,
-    timing: Timing,
+    timing: GestureTiming,
     course: Float[Tensor, " T"],
     settings: HandSettings,
     draws: Draws,
@@ -259,21 +259,21 @@ def taps(kind: str, phase: Float[Tensor, " T"], draws: Draws) -> Float[Tensor, "
     return chosen * torch.exp(-0.5 * ((at - number) / 0.16) ** 2)
 
 
-def resting(
+def resting_hand(
     pose: HandPose, frames: int, swing: Float[Tensor, " T"], settings: HandSettings, draws: Draws
 ) -> HandMotion:
     """A right hand at rest, which swings forward with the steps of a person who walks, metres."""
     variation = Variation.drawn(draws, settings, 0.7)
-    place = place_of(pose) + variation.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
+    place = _place_of(pose) + variation.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
     turn = turn_of(pose) @ axis_angle_to_matrix(variation.turn)
     still = replace(_STILL, start=pose)
-    timing = Timing(torch.zeros(frames), torch.ones(frames))
+    timing = GestureTiming(torch.zeros(frames), torch.ones(frames))
     fingers = finger_course(still, variation, timing, timing.phase, settings, draws)
     place = place + settings.sway * draws.smooth(frames, 3, 25.0)[0]
     return HandMotion(place, turn.expand(frames, 3, 3), fingers)
 
 
-def place_of(pose: HandPose) -> Float[Tensor, " 3"]:
+def _place_of(pose: HandPose) -> Float[Tensor, " 3"]:
     """The place of a right wrist from its shoulder, in the body's axes."""
     return torch.tensor(pose.place) * torch.tensor(OUTWARD)
 

@@ -63,7 +63,7 @@ def manipulating(
     is from its place at worst, metres, and the most that a wrist is bent, radians.
     """
     rest = pose(skeleton, body)
-    places, turns = placed(actions, rest.positions, generator=generator)
+    places, turns = _placed(actions, rest.positions, generator=generator)
     wrists = [WRISTS[side] for side in SIDES]
     part = actions.hands[:, None, :, None]
     places = torch.where(part, places, rest.positions[:, :, wrists])
@@ -78,7 +78,7 @@ def manipulating(
     return motion, missed.amax((1, 2)), (bend * part.squeeze(-1)).amax((1, 2))
 
 
-def placed(
+def _placed(
     actions: Actions, body: Float[Tensor, "B T 52 3"], *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "B T 2 3"], Float[Tensor, "B T 2 3 3"]]:
     """Wrists of the actions in the world of bodies: on a table in front of each, and turned so that

@@ -25,12 +25,12 @@ class Doing:
     rests: bool = False
 
 
-def third_person(phrase: str) -> str:
+def third_person_phrase(phrase: str) -> str:
     """What one hand does: "opens and closes" of "open and close"."""
     return " and ".join(map(conjugation.third_person, phrase.split(" and ")))
 
 
-def gerund(phrase: str) -> str:
+def gerund_phrase(phrase: str) -> str:
     """The form in -ing of a phrase."""
     return " and ".join(map(conjugation.gerund, phrase.split(" and ")))
 
@@ -41,11 +41,11 @@ def hand_sentence(side: Side, doing: Doing, *, generator: torch.Generator) -> st
     hand = f"{one_of(('the', 'the', 'the', 'her', 'his', 'a'), generator)} {side} hand"
     form = int(torch.randint(4, (), generator=generator))
     if form == 0:
-        sentence = f"{hand} is {gerund(verb)}"
+        sentence = f"{hand} is {gerund_phrase(verb)}"
     elif form == 1:
-        sentence = f"{gerund(verb)} with {hand}"
+        sentence = f"{gerund_phrase(verb)} with {hand}"
     else:
-        sentence = f"{hand} {third_person(verb)}"
+        sentence = f"{hand} {third_person_phrase(verb)}"
     return _written(sentence, generator)
 
 
@@ -58,8 +58,8 @@ def joined_sentences(left: Doing, right: Doing, *, generator: torch.Generator) -
     if left == right:
         plain = f"both hands {right.says[0]}"
     else:
-        plain = f"the right hand {third_person(right.says[0])}, "
-        plain += f"the left hand {third_person(left.says[0])}"
+        plain = f"the right hand {third_person_phrase(right.says[0])}, "
+        plain += f"the left hand {third_person_phrase(left.says[0])}"
     free = [_free(left, right, generator) for _ in range(JOINED - 1)]
     return [plain, *(_with_errors(each, generator) for each in free)]
 
@@ -79,16 +79,18 @@ def _free(left: Doing, right: Doing, generator: torch.Generator) -> str:
     form = int(torch.randint(6, (), generator=generator))
     if form <= 1:
         link = one_of((", ", " and ", " while ", ", while ", ", and "), generator)
-        sentence = f"{hand} {third_person(one)}{link}{its} {third_person(other)}"
+        sentence = f"{hand} {third_person_phrase(one)}{link}{its} {third_person_phrase(other)}"
     elif form == 2:
         sentence = f"{one} with {hand} and {other} with {its}"
     elif form == 3:
-        sentence = f"{gerund(one)} with {hand}, {gerund(other)} with {its}"
+        sentence = f"{gerund_phrase(one)} with {hand}, {gerund_phrase(other)} with {its}"
     elif form == 4:
         sentence = f"{first[0]} hand: {one}, {second[0]} hand: {other}"
     else:
         whose = one_of(_PEOPLE, generator)
-        sentence = f"{whose} {third_person(one)} with {hand}, {its} {third_person(other)}"
+        sentence = (
+            f"{whose} {third_person_phrase(one)} with {hand}, {its} {third_person_phrase(other)}"
+        )
     return _written(sentence, generator)
 
 
@@ -98,10 +100,10 @@ def _alone(side: Side, doing: Doing, generator: torch.Generator) -> str:
     return one_of(
         (
             f"{verb} with {hand}",
-            f"{hand} {third_person(verb)}",
-            f"{one_of(_PEOPLE, generator)} {third_person(verb)} with {hand}",
-            f"only {hand} {third_person(verb)}",
-            f"{gerund(verb)} with {hand}",
+            f"{hand} {third_person_phrase(verb)}",
+            f"{one_of(_PEOPLE, generator)} {third_person_phrase(verb)} with {hand}",
+            f"only {hand} {third_person_phrase(verb)}",
+            f"{gerund_phrase(verb)} with {hand}",
         ),
         generator,
     )
@@ -115,11 +117,11 @@ def _together(doing: Doing, generator: torch.Generator) -> str:
         (
             f"{hands} {verb}",
             f"{hands} {verb}",
-            f"{hands} are {gerund(verb)}",
+            f"{hands} are {gerund_phrase(verb)}",
             f"{verb} with both hands",
-            f"{gerund(verb)} with both hands",
-            f"{person} {third_person(verb)}",
-            f"{person} is {gerund(verb)} with both hands",
+            f"{gerund_phrase(verb)} with both hands",
+            f"{person} {third_person_phrase(verb)}",
+            f"{person} is {gerund_phrase(verb)} with both hands",
             verb,
         ),
         generator,

@@ -13,7 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.smoothing import smoothed
+from geneoh.synthesis.smoothing import smoothed_motion
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 FEET_SMOOTHING = 2.5  # deviation in frames of the filter on the pelvis over stepping feet
@@ -94,7 +94,7 @@ def _body(number: int, config: StanceConfig) -> Float[Tensor, "52 3"]:
     return scale.exp()[:, None] * embedded_skeleton().offsets
 
 
-def stand(
+def standing_bodies(
     skeleton: Skeleton,
     gait: Gait,
     active: Float[Tensor, "B T 2"],
@@ -157,4 +157,4 @@ def _root(skeleton: Skeleton, motion: BodyMotion, gait: Gait) -> Float[Tensor, "
     still = ankles.mean(2)
     planted = torch.where(gait.walking[:, None, None], way, still[:, :1] - still)
     root = torch.stack([planted[..., 0], ANKLE_HEIGHT - lowest, planted[..., 2]], -1)
-    return smoothed(root, FEET_SMOOTHING)
+    return smoothed_motion(root, FEET_SMOOTHING)

@@ -20,14 +20,19 @@ from geneoh.synthesis.gestures.both_hands import (
     TwoHands,
     draw_roles,
     draw_seated,
-    hand_motions,
+    gesture_motions,
 )
 from geneoh.synthesis.gestures.clips import NAMES, REST, Gestures
 from geneoh.synthesis.gestures.hands import HandSettings
 from geneoh.synthesis.gestures.manipulation import IN_REACH, MOST_BEND, doings, manipulating
 from geneoh.synthesis.gestures.repertoire import REST_SAYS, GestureShares
 from geneoh.synthesis.gestures.sentences import Doing, hand_sentence, joined_sentences
-from geneoh.synthesis.gestures.stance import StanceConfig, body_skeletons, draw_gait, stand
+from geneoh.synthesis.gestures.stance import (
+    StanceConfig,
+    body_skeletons,
+    draw_gait,
+    standing_bodies,
+)
 
 ARM = sum(
     float(embedded_skeleton().offsets[JOINT_NAMES.index(f"left_{name}")].norm())
@@ -111,13 +116,15 @@ def bodies_with_hands(
     gait = draw_gait(seated, draws.chance(config.shares.walking), frames, config.stance, draws)
     swing = config.stance.arm_swing * torch.stack([-gait.swing, gait.swing], -1)
     each = [
-        hand_motions(role, bool(sits), moved, config.hands, one)
+        gesture_motions(role, bool(sits), moved, config.hands, one)
         for role, sits, moved in zip(roles, seated, swing, strict=True)
     ]
     hands = TwoHands(*(torch.stack([getattr(a, n) for a in each]) for n in vars(each[0])))
     skeleton = body_skeletons(bodies, config.stance)
     fingers = axis_angle_to_matrix(hands.fingers.flatten(2, 3))
-    body = stand(skeleton, gait, hands.active, hands.stroke, fingers, config.stance, draws)
+    body = standing_bodies(
+        skeleton, gait, hands.active, hands.stroke, fingers, config.stance, draws
+    )
     return skeleton, reach(skeleton, body, *in_world(skeleton, body, hands), hands.swivel)
 
 

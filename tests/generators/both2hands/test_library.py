@@ -7,9 +7,9 @@ from made_gestures import TINY, made_gestures, tiny_task
 
 from geneoh.config import as_dict
 from geneoh.errors import CheckpointError, ConfigError
-from geneoh.generators.both2hands.library import load_branches, load_networks, reader_of
-from geneoh.generators.both2hands.sampling import SamplingConfig, sample
-from geneoh.generators.both2hands.stages import vocabulary
+from geneoh.generators.both2hands.library import load_both2hands, load_branches, reader_of
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, sample_hands
+from geneoh.generators.both2hands.stages import sentence_vocabulary
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.training.loop import train
 
@@ -20,7 +20,7 @@ CPU = torch.device("cpu")
 def folder(tmp_path_factory):
     """Networks that were trained for a step each."""
     made, config = tmp_path_factory.mktemp("networks"), replace(TINY, steps=1)
-    tokenizer = vocabulary(made_gestures(), TINY.text_hands.words.pieces)
+    tokenizer = sentence_vocabulary(made_gestures(), TINY.text_hands.words.pieces)
     task = tiny_task("text_hands", config)
     reader = reader_of(tokenizer, config.text_hands)
     train(replace(task, speech=reader, tokenizer=tokenizer), made, device=CPU)
@@ -40,21 +40,21 @@ def copied(folder, target, stage, **changes):
 
 
 def test_trained_networks_make_hands_of_sentences(folder):
-    networks, motion = load_networks(folder), made_motion(frames=8)
+    networks, motion = load_both2hands(folder), made_motion(frames=8)
 
     def made(sentence):
         generator = torch.Generator().manual_seed(0)
-        config = SamplingConfig(steps=2)
-        return sample(networks, motion, SKELETON, [sentence] * 2, config, generator=generator)
+        config = Both2HandsSampling(steps=2)
+        return sample_hands(networks, motion, SKELETON, [sentence] * 2, config, generator=generator)
 
     one, other = (made(f"the left hand {word}").rotations for word in ("rests", "waves"))
     assert not torch.allclose(one, other, atol=1e-4)
 
 
 def test_the_vocabulary_is_that_of_the_weights(folder):
-    said = load_networks(folder).speech(["Rests it!", "an unheard word"])
+    said = load_both2hands(folder).speech(["Rests it!", "an unheard word"])
     assert said.shape[0] == 2
-    assert torch.equal(said[0], load_networks(folder).speech(["rests it", "an unheard word"])[0])
+    assert torch.equal(said[0], load_both2hands(folder).speech(["rests it", "an unheard word"])[0])
 
 
 def test_networks_of_other_data_are_not_blended_in_one_process(folder, tmp_path):
@@ -62,7 +62,7 @@ def test_networks_of_other_data_are_not_blended_in_one_process(folder, tmp_path)
     tensors["scale.middle"] += 1
     other = copied(folder, tmp_path, "text_hands", tensors=tensors)
     with pytest.raises(ConfigError, match="trained on the same data"):
-        load_networks(other)
+        load_both2hands(other)
 
 
 def test_a_blend_of_other_networks_is_refused(folder, tmp_path):
@@ -70,7 +70,7 @@ def test_a_blend_of_other_networks_is_refused(folder, tmp_path):
     tensors["body_scale.middle"] += 1
     other = copied(folder, tmp_path, "body_hands", tensors=tensors)
     with pytest.raises(ConfigError, match=r"blend.safetensors: .* train it again"):
-        load_networks(other)
+        load_both2hands(other)
 
 
 @pytest.mark.parametrize("change", [{"tokenizer": None}, {"config": {}}])
@@ -78,7 +78,7 @@ def test_weights_without_their_vocabulary_or_size_are_refused(folder, tmp_path, 
     record = load_checkpoint(folder / "text_hands.safetensors").record | change
     other = copied(folder, tmp_path, "text_hands", record=record)
     with pytest.raises(CheckpointError, match="train them again"):
-        load_networks(other)
+        load_both2hands(other)
 
 
 def test_networks_for_another_text_encoder_are_refused(folder, tmp_path):
@@ -88,9 +88,9 @@ def test_networks_for_another_text_encoder_are_refused(folder, tmp_path):
     fresh = type(network)(config).state_dict()
     other = copied(folder, tmp_path, "text_hands", tensors=fresh, record=record)
     with pytest.raises(ConfigError, match=r"of 5 features, .* got none"):
-        load_networks(other)
+        load_both2hands(other)
 
 
 def test_a_folder_without_any_network_is_refused(tmp_path):
     with pytest.raises(CheckpointError, match="nowhere: expected weights of body_hands,"):
-        load_networks(tmp_path / "nowhere")
+        load_both2hands(tmp_path / "nowhere")

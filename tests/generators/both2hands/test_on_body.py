@@ -39,7 +39,7 @@ def asked(monkeypatch) -> list:
 
     monkeypatch.setattr(on_body, "generate_hands", curling)
     monkeypatch.setattr(
-        on_body, "load_networks", lambda folder, text_encoder, **_: (folder, text_encoder)
+        on_body, "load_both2hands", lambda folder, text_encoder, **_: (folder, text_encoder)
     )
     return calls
 

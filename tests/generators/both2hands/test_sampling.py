@@ -7,16 +7,16 @@ from made_bodies import SKELETON, made_motion, tiny_networks
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.errors import CheckpointError
-from geneoh.generators.both2hands.sampling import SamplingConfig, generate_hands, sample
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample_hands
 from geneoh.generators.both2hands.windows import FRAMES
 
 SENTENCES = ["the right hand waves", "both hands clap"]
-FEW = SamplingConfig(steps=2)
+FEW = Both2HandsSampling(steps=2)
 
 
 def drawn(networks, motion, sentences=SENTENCES, config=FEW, seed=0):
     generator = torch.Generator().manual_seed(seed)
-    return sample(networks, motion, SKELETON, sentences, config, generator=generator)
+    return sample_hands(networks, motion, SKELETON, sentences, config, generator=generator)
 
 
 @pytest.mark.parametrize("form", ["ours", "paper"])
@@ -78,7 +78,7 @@ def test_smoothing_takes_away_what_shakes():
 
 
 def test_the_paper_s_sampler_takes_steps_with_noise():
-    motion, config = made_motion(bodies=1, frames=4), SamplingConfig("ancestral", steps=3)
+    motion, config = made_motion(bodies=1, frames=4), Both2HandsSampling("ancestral", steps=3)
     made = drawn(tiny_networks(), motion, SENTENCES[:1], config)
     assert made.rotations.isfinite().all()
 

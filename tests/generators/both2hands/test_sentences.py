@@ -3,7 +3,11 @@
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.generators.both2hands.sentences import check_sentence, known_words, said_of_gestures
+from geneoh.generators.both2hands.sentences import (
+    check_sentence,
+    known_gesture_words,
+    said_of_gestures,
+)
 from geneoh.generators.pieces import words_of
 
 
@@ -76,4 +80,6 @@ def test_what_one_hand_does_and_the_other_does_not_is_no_contradiction(sentence)
 
 
 def test_all_words_of_made_gestures_are_known():
-    assert {word for phrase in said_of_gestures() for word in words_of(phrase)} <= known_words()
+    assert {
+        word for phrase in said_of_gestures() for word in words_of(phrase)
+    } <= known_gesture_words()

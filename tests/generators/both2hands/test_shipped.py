@@ -9,13 +9,13 @@ import torch
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, embedded_skeleton
-from geneoh.generators.both2hands.library import SHIPPED, load_networks
+from geneoh.generators.both2hands.library import SHIPPED, load_both2hands
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body, save_on_body
-from geneoh.generators.both2hands.sampling import SamplingConfig, generate_hands, sample
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample_hands
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
-from geneoh.readers.bodies.base import BodyRecording, resting
+from geneoh.readers.bodies.base import BodyRecording, resting_body
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 
 WAVES, FIST = "the left hand waves, the right hand rests", "both hands make a fist"
@@ -34,9 +34,11 @@ def gestures():
 @cache
 def fingers(sentence: str, seed: int = 0, smoothing: float = 1.5):
     """The rotations of the fingers that the networks make in four steps, (B, T, 30, 3, 3)."""
-    clips, config = gestures(), SamplingConfig(steps=4, smoothing=smoothing)
+    clips, config = gestures(), Both2HandsSampling(steps=4, smoothing=smoothing)
     said, generator = [sentence] * len(BODIES), torch.Generator().manual_seed(seed)
-    made = sample(load_networks(), clips.motion, clips.skeleton, said, config, generator=generator)
+    made = sample_hands(
+        load_both2hands(), clips.motion, clips.skeleton, said, config, generator=generator
+    )
     return made.rotations[:, :, BODY_JOINTS:]
 
 
@@ -47,7 +49,9 @@ def apart(one, other) -> float:
 
 def shaking(fingers) -> float:
     """Mean acceleration of the finger joints of a body that does not move, mm/frame²."""
-    still = resting(fingers.shape[1]).rotations[:, :BODY_JOINTS].expand(len(fingers), -1, -1, 3, 3)
+    still = (
+        resting_body(fingers.shape[1]).rotations[:, :BODY_JOINTS].expand(len(fingers), -1, -1, 3, 3)
+    )
     root = torch.zeros(*fingers.shape[:2], 3)
     posed = pose(embedded_skeleton(), BodyMotion(root, torch.cat([still, fingers], 2)))
     joints = posed.positions[:, :, BODY_JOINTS:]
@@ -85,7 +89,7 @@ def test_no_joint_that_is_given_to_users_is_beyond_the_limits_of_a_hand():
     generator = torch.Generator().manual_seed(0)
     skeleton = clips.skeleton.take(slice(1), "B")
     made = generate_hands(
-        body, skeleton, FIST, steps=2, generator=generator, networks=load_networks()
+        body, skeleton, FIST, steps=2, generator=generator, networks=load_both2hands()
     )
     assert beyond(made.rotations[:, BODY_JOINTS:]).max() <= ALLOWED
 

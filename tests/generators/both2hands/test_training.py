@@ -7,8 +7,8 @@ from made_bodies import speech, tiny_networks
 from made_gestures import TINY, made_gestures, tiny_task
 
 from geneoh.errors import CheckpointError
-from geneoh.generators.both2hands.stages import vocabulary
-from geneoh.generators.both2hands.training import blended, hands_loss, naming_loss
+from geneoh.generators.both2hands.stages import sentence_vocabulary
+from geneoh.generators.both2hands.training import blended_answers, hands_loss, naming_loss
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.loop import train
@@ -36,7 +36,7 @@ def test_the_sentence_counts_in_the_loss_of_the_blend():
     def loss(said):
         draws = Draws(WHOLE.count, torch.Generator().set_state(state))
         other = replace(samples, said=said)
-        found, clean = blended(task.network(), task.branches, other, TINY, draws)
+        found, clean = blended_answers(task.network(), task.branches, other, TINY, draws)
         return hands_loss(found, clean, samples.real, TINY)
 
     assert (loss(samples.said) - loss(speech(["other words"] * 4))).abs() > 1e-5
@@ -62,7 +62,7 @@ def test_the_paper_s_target_is_the_weighted_mean_of_both_answers():
     task = tiny_task("blend", config)
     samples, generator = task.samples(True, WHOLE, "step", 0)
     draws = Draws(WHOLE.count, generator)
-    found, target = blended(task.network(), task.branches, samples, config, draws)
+    found, target = blended_answers(task.network(), task.branches, samples, config, draws)
     torch.testing.assert_close(found, target)  # ours begins with that mean
 
 
@@ -107,7 +107,7 @@ def told_otherwise(task, steps: int):
     words = np.char.replace(task.data.training.joined, "hand", "palm")
     clips, config = replace(task.data.training, joined=words), replace(task.config, steps=steps)
     data = replace(task.data, training=clips)
-    return replace(task, config=config, data=data, tokenizer=vocabulary(clips, 40))
+    return replace(task, config=config, data=data, tokenizer=sentence_vocabulary(clips, 40))
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def told_otherwise(task, steps: int):
 )
 def test_a_run_that_was_told_other_words_is_not_continued(tmp_path, name, words):
     task = tiny_task("text_hands", replace(TINY, steps=1))
-    task = replace(task, tokenizer=vocabulary(task.data.training, 40))
+    task = replace(task, tokenizer=sentence_vocabulary(task.data.training, 40))
     train(task, tmp_path, device=CPU)
     other = told_otherwise(task, 2)
     other = replace(task, config=other.config, **{name: getattr(other, name)})

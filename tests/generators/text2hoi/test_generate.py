@@ -17,9 +17,9 @@ from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.resting import touching_hands
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.pipeline.results import Denoised
 
 PLAIN = GenerateOptions(refine="none", frames=20, steps=3)
@@ -32,8 +32,8 @@ def small_networks(monkeypatch):
     contact, interaction = ContactNetwork(TINY.contact), InteractionNetwork(TINY.interaction)
     encoder = WordEncoder()
     length = LengthNetwork(LengthConfig(text=encoder.width))
-    made = Networks(encoder, contact.eval(), interaction.eval(), length.eval())
-    monkeypatch.setattr(module, "load_networks", lambda *folder, **more: made)
+    made = Text2HoiNetworks(encoder, contact.eval(), interaction.eval(), length.eval())
+    monkeypatch.setattr(module, "load_text2hoi", lambda *folder, **more: made)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,9 @@ def still_actions(actions):
 
 def test_objects_rest_where_no_hand_touches_them(mug, monkeypatch):
     kept = []
-    monkeypatch.setattr(module, "placed", lambda actions, *more: kept.append(actions) or 1 / 0)
+    monkeypatch.setattr(
+        module, "placed_sequence", lambda actions, *more: kept.append(actions) or 1 / 0
+    )
     with pytest.raises(ZeroDivisionError):
         generate("Shake the mug.", mug, PLAIN)
     (actions,) = kept

@@ -9,7 +9,8 @@ from two_parts import DEEP, DRAWER, HINGE, WALL, WIDE, box_with_lid, case_with_d
 from geneoh.errors import InputError
 from geneoh.generators.text2hoi.joint_finding import joint_of
 from geneoh.geometry.joint import Joint
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 
 OPENS = math.radians(90)
 

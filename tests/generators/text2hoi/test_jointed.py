@@ -5,7 +5,7 @@ from two_parts import HINGE, box_with_lid
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi.jointed import JointedObject, asked_joint, joined
-from geneoh.generators.text2hoi.standing import stand
+from geneoh.generators.text2hoi.standing import stand_on_table
 from geneoh.geometry.joint import Joint
 
 
@@ -20,7 +20,7 @@ def test_parts_as_one_mesh_keep_their_faces():
 
 def test_points_are_of_the_part_that_they_lie_on_and_the_joint_is_upright():
     meshes = box_with_lid()
-    stood = stand(joined(meshes), "y", generator=seeded())
+    stood = stand_on_table(joined(meshes), "y", generator=seeded())
     found, _ = JointedObject.of(meshes, stood, Joint.read(HINGE), closes=False)
     height = (stood.points - stood.shift) @ stood.rotation
     assert torch.equal(found.part > 0, height[:, 2] > 0.0702)

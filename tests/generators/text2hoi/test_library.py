@@ -6,9 +6,9 @@ from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import (
     SHIPPED,
-    load_networks,
+    load_text2hoi,
     refuse_other_encoder,
-    weights_of,
+    text2hoi_weights,
 )
 from geneoh.generators.text2hoi.text import load_text_encoder
 from geneoh.generators.text2hoi.training import text_record
@@ -19,7 +19,7 @@ from geneoh.nn.weights import load_network
 @pytest.fixture(scope="module")
 def frames():
     """The mean of 50 lengths for a sentence, by the shipped network."""
-    network = load_network(weights_of("length", None), LengthNetwork, LengthConfig)
+    network = load_network(text2hoi_weights("length", None), LengthNetwork, LengthConfig)
     encoder, generator = load_text_encoder(), torch.Generator().manual_seed(0)
 
     def mean(sentence):
@@ -60,8 +60,8 @@ def with_encoder(folder, seed: int):
 
 def test_the_shipped_networks_are_refused_with_another_text_encoder(tmp_path):
     with pytest.raises(ConfigError, match=r"contact.safetensors: .* train it again"):
-        load_networks(with_encoder(tmp_path, 0))
-    assert load_networks().text.width == 128
+        load_text2hoi(with_encoder(tmp_path, 0))
+    assert load_text2hoi().text.width == 128
 
 
 def test_weights_know_the_encoder_that_they_were_trained_with(tmp_path):
@@ -84,11 +84,11 @@ def test_weights_know_the_encoder_that_they_were_trained_with(tmp_path):
 
 
 def test_what_a_folder_lacks_is_as_shipped(tmp_path):
-    assert weights_of("length", tmp_path) == SHIPPED / "length.safetensors"
+    assert text2hoi_weights("length", tmp_path) == SHIPPED / "length.safetensors"
     (tmp_path / "length.safetensors").write_bytes(b"")
-    assert weights_of("length", tmp_path) == tmp_path / "length.safetensors"
+    assert text2hoi_weights("length", tmp_path) == tmp_path / "length.safetensors"
 
 
 def test_a_folder_without_any_network_is_refused(tmp_path):
     with pytest.raises(CheckpointError, match="nowhere: expected weights of text, length"):
-        load_networks(tmp_path / "nowhere")
+        load_text2hoi(tmp_path / "nowhere")

@@ -11,8 +11,8 @@ from made_actions import box_actions, on_object
 from geneoh.generators.text2hoi import settling
 from geneoh.generators.text2hoi.held_hands import FIRM, HeldHands, Holding, lifted, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
-from geneoh.generators.text2hoi.standing import stand
-from geneoh.geometry.mesh import from_trimesh
+from geneoh.generators.text2hoi.standing import stand_on_table
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.synthesis.contact_pads import Table
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 
@@ -23,7 +23,7 @@ TABLE = Table(torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([RADIUS]))
 
 @pytest.fixture(scope="module")
 def ball():
-    return stand(from_trimesh(trimesh.creation.icosphere(4, RADIUS)), generator=seeded())
+    return stand_on_table(from_trimesh(trimesh.creation.icosphere(4, RADIUS)), generator=seeded())
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from geneoh.generators.text2hoi.held_hands import HeldHands, table_of
 from geneoh.generators.text2hoi.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.opening import rigid_part
 from geneoh.generators.text2hoi.part_holds import PartShapes, held_at_parts, over_table
-from geneoh.generators.text2hoi.standing import stand
+from geneoh.generators.text2hoi.standing import stand_on_table
 from geneoh.geometry.joint import Joint
 from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.pose_prior import FINGER_MEAN
@@ -22,7 +22,7 @@ FRAMES = 60
 def lidded():
     """The box with a lid, upright on the table."""
     meshes = box_with_lid(overhang=0.02)
-    stood = stand(joined(meshes), generator=seeded())
+    stood = stand_on_table(joined(meshes), generator=seeded())
     return JointedObject.of(meshes, stood, Joint.read(HINGE), closes=False)[0]
 
 

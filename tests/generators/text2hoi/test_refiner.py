@@ -10,7 +10,7 @@ from geneoh.generators.text2hoi.refiner import (
     RefinerConfig,
     RefinerNetwork,
     RefinerWeights,
-    contact_loss,
+    contact_distance_loss,
     nearest,
     penetration_loss,
     points_of,
@@ -165,7 +165,9 @@ def test_contact_draws_keypoints_that_were_near_to_the_point_that_was_nearest():
     shown = torch.ones(1, 2, 1, dtype=torch.bool)
     refined = coarse.clone()
     refined[0, 0, 0, 0] = torch.tensor([0.0, 0.02, 0.0])
-    torch.testing.assert_close(contact_loss(refined, coarse, points, shown), torch.tensor(4.0))
+    torch.testing.assert_close(
+        contact_distance_loss(refined, coarse, points, shown), torch.tensor(4.0)
+    )
 
 
 def test_true_hands_leave_only_what_their_own_contact_costs():

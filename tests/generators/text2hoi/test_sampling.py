@@ -14,15 +14,15 @@ from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Networks, load_networks
+from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_text2hoi
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.sampling import (
     UNKNOWN,
-    SamplingConfig,
+    Text2HoiSampling,
     condition_of,
     contact_of,
     drawn_numbers,
-    sample,
+    sample_actions,
 )
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
@@ -32,10 +32,10 @@ LENGTHS = torch.tensor([12, 7, 2])
 
 
 @pytest.fixture(scope="module")
-def networks() -> Networks:
+def networks() -> Text2HoiNetworks:
     length = LengthNetwork(LengthConfig(text=WordEncoder.width)).eval()
     contact = ContactNetwork(TINY.contact).eval()
-    return Networks(WordEncoder(), contact, answering(TINY.interaction), length)
+    return Text2HoiNetworks(WordEncoder(), contact, answering(TINY.interaction), length)
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +45,9 @@ def objects() -> Objects:
 
 def sampled(networks, objects, seed=0, draws=DRAWS, **given):
     """An action for each sentence and its contact map."""
-    config, generator = SamplingConfig(steps=4, draws=draws), torch.Generator().manual_seed(seed)
+    config, generator = Text2HoiSampling(steps=4, draws=draws), torch.Generator().manual_seed(seed)
     asked = networks, objects, SAID, HANDS, LENGTHS, config
-    return sample(*asked, generator=generator, **given)
+    return sample_actions(*asked, generator=generator, **given)
 
 
 def drawn(networks, objects, seed=0):
@@ -71,13 +71,13 @@ def test_a_given_contact_map_leaves_the_noise_as_it_is(networks, objects):
 def every_draw(networks, objects):
     """All four draws of each sentence with their contact maps."""
     every = torch.arange(3).repeat_interleave(4)
-    return sample(
+    return sample_actions(
         networks,
         objects.take(every, "B"),
         [SAID[clip] for clip in every],
         [HANDS[clip] for clip in every],
         LENGTHS[every],
-        SamplingConfig(steps=4, draws=1),
+        Text2HoiSampling(steps=4, draws=1),
         generator=torch.Generator().manual_seed(0),
     )
 
@@ -140,7 +140,7 @@ def test_a_network_that_knows_the_clean_numbers_is_followed(networks, objects, s
     found = drawn_numbers(
         perfect(networks, clean).interaction,
         told,
-        SamplingConfig(sampler, 7, guidance=1.0),
+        Text2HoiSampling(sampler, 7, guidance=1.0),
         generator=torch.Generator().manual_seed(0),
     )
     torch.testing.assert_close(found[told.shown], clean[told.shown], atol=1e-4, rtol=0)
@@ -152,10 +152,10 @@ def test_the_network_is_told_the_number_of_each_level(networks, objects):
     interaction.denoised = lambda x, level, told: (heard.append(level.unique().item()), 0 * x)[1]
     told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
     generator = torch.Generator().manual_seed(0)
-    drawn_numbers(interaction, told, SamplingConfig(steps=4, guidance=1.0), generator=generator)
+    drawn_numbers(interaction, told, Text2HoiSampling(steps=4, guidance=1.0), generator=generator)
     assert heard == [992, 874, 188, 7]  # of noise 80 to 0.02, even in its logarithm
     heard.clear()
-    paper = SamplingConfig("ancestral", steps=1000, guidance=1.0)
+    paper = Text2HoiSampling("ancestral", steps=1000, guidance=1.0)
     drawn_numbers(interaction, told, paper, generator=generator)
     assert heard == list(range(1000, 0, -1))
 
@@ -175,7 +175,7 @@ def test_guidance_goes_beyond_the_answer_without_the_sentence(networks, objects)
     interaction.denoised = lambda x, level, told: torch.full_like(x, given[id(told)])
     condition = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
     for guidance, expected in ((1.0, 1.0), (2.0, -1.0), (0.0, 3.0)):
-        config = SamplingConfig(steps=2, guidance=guidance)
+        config = Text2HoiSampling(steps=2, guidance=guidance)
         generator = torch.Generator().manual_seed(0)
         found = drawn_numbers(interaction, condition, config, generator=generator)
         torch.testing.assert_close(found, torch.full_like(found, expected))
@@ -202,7 +202,7 @@ def saved(folder, networks):
 def test_networks_of_a_folder_make_the_same_clips(networks, objects, tmp_path, monkeypatch):
     saved(tmp_path, networks)
     monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
-    loaded = load_networks(tmp_path)
+    loaded = load_text2hoi(tmp_path)
     assert loaded.interaction.config == TINY.interaction
     torch.testing.assert_close(drawn(loaded, objects).wrist, drawn(networks, objects).wrist)
 
@@ -212,7 +212,7 @@ def test_networks_of_another_text_encoder_are_refused(networks, tmp_path, monkey
     monkeypatch.setattr(WordEncoder, "width", 9)
     monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
     with pytest.raises(ConfigError, match="expected a text encoder of 8 features, got one of 9"):
-        load_networks(tmp_path)
+        load_text2hoi(tmp_path)
 
 
 def test_damaged_weights_are_told_of(networks, objects):

@@ -7,11 +7,12 @@ from draws import seeded
 from made_actions import box_actions, on_object
 
 from geneoh.generators.text2hoi import settling
-from geneoh.generators.text2hoi.held_hands import HeldHands, moving, table_of
+from geneoh.generators.text2hoi.held_hands import HeldHands, frames_of_motion, table_of
 from geneoh.generators.text2hoi.settling import moved_out_of, settled, shifts_out, solid_of
-from geneoh.generators.text2hoi.standing import stand
+from geneoh.generators.text2hoi.standing import stand_on_table
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -25,7 +26,7 @@ RADIUS, HEIGHT = 0.03, 0.16
 def rod():
     """A rod that stands on the table."""
     made = trimesh.creation.cylinder(RADIUS, HEIGHT, sections=48)
-    return stand(from_trimesh(made), generator=seeded())
+    return stand_on_table(from_trimesh(made), generator=seeded())
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -135,7 +136,7 @@ def test_an_object_moves_before_and_after_its_steps_and_turns():
     shift, turn = torch.zeros(1, 10, 3), torch.zeros(10, 3)
     shift[:, 3:], turn[7:, 2] = 0.01, 0.1
     still = replace(actions, translation=shift, rotation=axis_angle_to_matrix(turn)[None])
-    assert torch.nonzero(moving(still))[:, 0].tolist() == [2, 3, 6, 7]
+    assert torch.nonzero(frames_of_motion(still))[:, 0].tolist() == [2, 3, 6, 7]
 
 
 def flat_hands(*places: tuple[float, float, float]) -> HeldHands:

@@ -7,8 +7,9 @@ from draws import seeded
 from made_actions import box_actions, on_object
 
 from geneoh.errors import InputError
-from geneoh.generators.text2hoi.standing import POINTS, stand
-from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.generators.text2hoi.standing import POINTS, stand_on_table
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh_files import from_trimesh
 
 
 def box(sides=(0.06, 0.08, 0.2), shift=(0.3, -0.2, 0.5)) -> Mesh:
@@ -18,7 +19,7 @@ def box(sides=(0.06, 0.08, 0.2), shift=(0.3, -0.2, 0.5)) -> Mesh:
 
 def stood(up="z"):
     """The box with an axis of its frame up."""
-    return stand(box(), up, generator=seeded())
+    return stand_on_table(box(), up, generator=seeded())
 
 
 def test_the_object_stands_on_the_table_over_the_origin():
@@ -53,15 +54,15 @@ def test_values_at_points_come_to_the_vertices_nearby():
 def test_objects_that_are_not_for_hands_are_refused_with_the_cure(factor, said):
     mesh = box()
     with pytest.raises(InputError, match=said):
-        stand(Mesh(mesh.verts * factor, mesh.faces), generator=seeded())
+        stand_on_table(Mesh(mesh.verts * factor, mesh.faces), generator=seeded())
 
 
 @pytest.mark.parametrize("sides", [(1.0, 1.0, 1.0), (0.5, 0.4, 0.3)])
 def test_an_object_that_hands_end_up_inside_of_is_refused(sides):
     with pytest.raises(InputError, match=r"at most 0\.2 m thick for hands, got"):
-        stand(box(sides), generator=seeded())
+        stand_on_table(box(sides), generator=seeded())
 
 
 def test_long_and_wide_objects_that_are_thin_stand():
     for sides in [(0.04, 0.04, 1.2), (0.8, 0.5, 0.03)]:
-        assert stand(box(sides), generator=seeded()).points.isfinite().all()
+        assert stand_on_table(box(sides), generator=seeded()).points.isfinite().all()

@@ -7,7 +7,7 @@ import torch
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import Skeleton
 from geneoh.errors import InputError
-from geneoh.readers.bodies.base import at_rate, checked, over_frames
+from geneoh.readers.bodies.base import body_at_rate, body_over_frames, checked_body
 from geneoh.readers.bodies.read import read_body
 
 
@@ -17,28 +17,28 @@ def body(tmp_path):
 
 
 def test_a_body_comes_to_thirty_frames_a_second_and_back(body):
-    slower = at_rate(body, 30.0)
+    slower = body_at_rate(body, 30.0)
     assert (slower.frames, slower.fps) == (11, 30.0)
     assert torch.equal(slower.motion.rotations, body.motion.rotations[::4])
-    again = over_frames(slower.motion, 41)
+    again = body_over_frames(slower.motion, 41)
     torch.testing.assert_close(again.rotations, body.motion.rotations, atol=5e-3, rtol=0)
     torch.testing.assert_close(again.root, body.motion.root, atol=1e-5, rtol=0)
 
 
 def test_a_single_frame_stays_one(body):
     single = replace(body, motion=body.motion[:1])
-    assert at_rate(single, 30.0).frames == 1
+    assert body_at_rate(single, 30.0).frames == 1
 
 
 def test_a_body_that_lasts_too_long_is_refused(body):
     with pytest.raises(InputError, match="must last at most 108000 frames"):
-        at_rate(replace(body, fps=1e-3), 30.0)
+        body_at_rate(replace(body, fps=1e-3), 30.0)
 
 
 def test_a_skeleton_in_other_units_is_refused(body):
     giant = replace(body, skeleton=Skeleton(100 * body.skeleton.offsets))
     with pytest.raises(InputError, match=r"must be 0.3 to 3 m high"):
-        checked(giant)
+        checked_body(giant)
 
 
 @pytest.mark.parametrize(
@@ -53,4 +53,4 @@ def test_a_skeleton_in_other_units_is_refused(body):
 def test_places_that_may_not_be_in_metres_are_noted(body, change, noted):
     walking = replace(body, fps=30.0)
     moved = BodyMotion(change(walking.motion.root), walking.motion.rotations)
-    assert bool(checked(replace(walking, motion=moved)).notes) == noted
+    assert bool(checked_body(replace(walking, motion=moved)).notes) == noted

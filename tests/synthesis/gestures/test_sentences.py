@@ -6,10 +6,10 @@ from geneoh.synthesis.gestures.repertoire import REST_SAYS
 from geneoh.synthesis.gestures.sentences import (
     JOINED,
     Doing,
-    gerund,
+    gerund_phrase,
     hand_sentence,
     joined_sentences,
-    third_person,
+    third_person_phrase,
 )
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
@@ -40,8 +40,8 @@ def test_a_sentence_of_one_hand_names_it():
 
 
 def test_both_verbs_of_a_phrase_are_inflected():
-    assert third_person("open and close") == "opens and closes"
-    assert gerund("grasp and release") == "grasping and releasing"
+    assert third_person_phrase("open and close") == "opens and closes"
+    assert gerund_phrase("grasp and release") == "grasping and releasing"
 
 
 def test_no_two_gestures_are_said_alike():

@@ -1,0 +1,208 @@
+"""Meshes out of files of every format, and out of what callers give for an object."""
+
+import io
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+
+from geneoh.choices import Unit
+from geneoh.config import checked_call
+from geneoh.errors import InputError, shortened
+from geneoh.files.outputs import is_ours
+from geneoh.files.reading import head_of, refuse_stand_in
+from geneoh.geometry.mesh_formats import refuse_cut_off, refuse_packed, rewritten
+from geneoh.geometry.polygons import cut_within, obj_polygons, ply_polygons
+from geneoh.interrupts import interrupts_wait
+from geneoh.modes import undisturbed
+
+if TYPE_CHECKING:
+    import trimesh
+from geneoh.geometry.mesh import METRES, Mesh, checked_mesh, has_surface, scaled, tidied
+
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
+
+
+@checked_call
+@undisturbed()
+def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
+    """Read a triangle mesh without repair: vertex order, shells and holes are kept.
+
+    The nodes of a scene (GLB) are placed and joined to one mesh; where the scene holds several
+    meshes, `parts` has each of them. Textured OBJ files come with doubled vertices along the seams
+    of the texture, STL files with three vertices per face.
+
+    Args:
+        path: an OBJ, PLY, STL, OFF or GLB file.
+        unit: of its vertices; the mesh itself is in metres.
+        tidy: leave out vertices without a face, and faces that repeat a vertex; False for data
+            sets that refer to vertices by their number.
+
+    Raises:
+        InputError: not a readable mesh, or one without a surface.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise InputError(
+            f"{path}: expected a mesh file ({', '.join(MESH_SUFFIXES)}), "
+            f"got {path.suffix or 'no ending'!r}; convert it first"
+        )
+    if not path.is_file():
+        raise InputError(f"{path}: no such mesh file; check the path")
+    refuse_stand_in(path, head_of(path))
+    if is_ours(path):
+        raise InputError(
+            f"{path}: expected the mesh of an object, got a scene with hands that geneoh wrote; "
+            "give the object's own file"
+        )
+    mesh = plain_obj(path) or by_trimesh(path)
+    mesh = checked_mesh(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
+    return tidied(mesh) if tidy else mesh
+
+
+def plain_obj(path: Path) -> Mesh | None:
+    """What trimesh makes of an OBJ file of comments, points and triangles; None for other files.
+
+    To import trimesh takes more time than to read the file, which is most often such a one.
+    """
+    if path.suffix.lower() != ".obj":
+        return None
+    try:
+        lines = path.read_bytes().replace(b"\t", b" ").split(b"\n")
+        lines = [line for line in lines if line.strip() and not line.startswith(b"#")]
+        points, corners = (
+            [ln.split() for ln in lines if ln[:2] == kind] for kind in (b"v ", b"f ")
+        )
+        if len(points) + len(corners) < len(lines):
+            return None
+        verts = np.array(points)[:, 1:].astype(np.float64).astype(np.float32)
+        faces = np.array(corners)[:, 1:].astype(np.int64) - 1
+    except (OSError, ValueError, IndexError, OverflowError):
+        return None  # trimesh says what is wrong
+    # trimesh leaves out vertices without a face
+    every = np.array_equal(np.unique(faces), np.arange(len(verts)))
+    if not every or verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        return None
+    return Mesh(torch.from_numpy(verts), torch.from_numpy(faces), source=path.absolute())
+
+
+def by_trimesh(path: Path) -> Mesh:
+    """The mesh of a file of any format; see `load_mesh`."""
+    with interrupts_wait():
+        import trimesh
+
+    try:
+        if path.suffix.lower() == ".glb":
+            refuse_packed(path.read_bytes())
+        data = rewritten(path)
+        given, kind = (path, None) if data is None else (io.BytesIO(data), path.suffix[1:].lower())
+        scene = trimesh.load_scene(given, file_type=kind, process=False)
+        refuse_cut_off(path, scene)
+        mesh = without_lids(path, data, scene) or from_trimesh(scene.to_mesh())
+        mesh = replace(mesh, source=path.absolute(), parts=scene_parts(scene, path))
+    except InputError:
+        raise
+    except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
+        reason = shortened(" ".join(str(error).split()), 200)
+        raise InputError(
+            f"{path}: cannot be read as {path.suffix[1:].upper()} "
+            f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again, "
+            "with triangles"
+        ) from error
+    points = sum(len(cloud.vertices) for cloud in scene.geometry.values())
+    if points and not len(mesh.faces):
+        raise InputError(
+            f"{path}: expected a mesh with triangles, got {points} points and no face; "
+            "export it with its faces, or make a surface of a point cloud in a mesh editor"
+        )
+    return mesh
+
+
+def without_lids(path: Path, data: bytes | None, scene: "trimesh.Scene") -> Mesh | None:
+    """The mesh of an OBJ or ASCII PLY file of which trimesh cuts a face outside of its outline.
+
+    None for all other files. `data` is what trimesh read instead of the file.
+    """
+    is_obj = path.suffix.lower() == ".obj"
+    outlines = obj_polygons(data or path.read_bytes()) if is_obj else ply_polygons(scene)
+    triangles = None if outlines is None else cut_within(*outlines)
+    if outlines is None or triangles is None:
+        return None
+    return Mesh(torch.from_numpy(outlines[0].astype(np.float32)), torch.from_numpy(triangles))
+
+
+@runtime_checkable
+class ForeignMesh(Protocol):
+    """A mesh of another package, such as trimesh.Trimesh, in metres."""
+
+    @property
+    def vertices(self) -> Any:
+        """(V, 3)"""
+        ...
+
+    @property
+    def faces(self) -> Any:
+        """(F, 3) indices of the corners."""
+        ...
+
+
+OneMesh = Mesh | ForeignMesh | Path | str
+MeshInput = OneMesh | Iterable[OneMesh] | None
+"""What callers give for an object: a mesh, its file, or one of these for each rigid part."""
+
+
+def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
+    """Meshes of a mesh, a file, or a list of both; None is no mesh, `unit` is that of the files."""
+    if given is None:
+        return ()
+    if isinstance(given, Mesh | ForeignMesh | Path | str) or not isinstance(given, Iterable):
+        given = [given]
+    return tuple(mesh_from(each, unit) for each in given)
+
+
+def mesh_from(given: Any, unit: Unit) -> Mesh:
+    """One mesh, or that of a file; `InputError` for anything else."""
+    if isinstance(given, Mesh):
+        return given
+    if isinstance(given, Path | str):
+        return load_mesh(given, unit)
+    if isinstance(given, ForeignMesh):
+        verts, faces = (torch.as_tensor(np.array(part)) for part in (given.vertices, given.faces))
+        return tidied(checked_mesh(Mesh(verts, faces), "the mesh"))
+    raise InputError(
+        f"a mesh must be a geneoh.Mesh or the path of its file, got {type(given).__name__}; "
+        "geneoh.Mesh(vertices, faces) makes one of arrays"
+    )
+
+
+def from_trimesh(shape: "trimesh.Trimesh") -> Mesh:
+    """Vertices and faces of a mesh of trimesh."""
+    verts = torch.from_numpy(np.array(shape.vertices, dtype=np.float32).reshape(-1, 3))
+    return Mesh(verts, torch.from_numpy(np.array(shape.faces, dtype=np.int64).reshape(-1, 3)))
+
+
+def scene_parts(scene: "trimesh.Scene", path: Path) -> tuple[Mesh, ...]:
+    """The placed meshes of a GLB file that have a surface, in the file's order; none if it is one.
+
+    A mesh of several materials is one. Meshes that stand in several places count each time.
+    """
+    import trimesh
+
+    if path.suffix.lower() != ".glb":
+        return ()
+    order = {name: index for index, name in enumerate(scene.geometry)}
+    placed = [shape for shape in scene.dump() if isinstance(shape, trimesh.Trimesh)]
+    placed = sorted(reversed(placed), key=lambda shape: order[shape.metadata["name"]])
+    nodes: dict[str, list[trimesh.Trimesh]] = {}
+    for shape in placed:
+        name = shape.metadata["node"]
+        above = scene.graph.transforms.parents.get(name)
+        # trimesh gives each material of a node a node of its own below it, NODE_ with six letters
+        material = above != scene.graph.base_frame and name[:-6] == f"{above}_"
+        nodes.setdefault(str(above) if material else name, []).append(shape)
+    joined = [from_trimesh(trimesh.Scene(shapes).to_mesh()) for shapes in nodes.values()]
+    parts = [replace(part, source=path.absolute()) for part in joined if has_surface(part)]
+    return tuple(parts) if len(parts) > 1 else ()

@@ -1,0 +1,90 @@
+"""Whether a hand is within reach of its object in some frame, and what may be wrong if not."""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.errors import InputError
+from geneoh.geometry.rigid import Rigid
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+FARTHEST_HAND = 0.5
+"""Largest distance in metres between the object's bounding ball and the wrist in the frame in which
+they are nearest."""
+
+WRIST_FROM_ORIGIN = 0.15
+"""Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
+
+
+def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
+    """Refuse a hand that never comes near its object: other units, another frame, other object."""
+    nearest = least_distance(hand, motion)
+    if nearest > FARTHEST_HAND:
+        remedies = []
+        if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
+            remedies.append(
+                f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
+                "world to object; invert them to object to world"
+            )
+        if least_distance(in_other_axes(hand), motion) < FARTHEST_HAND:
+            remedies.append(
+                "with y and z negated it comes near: hand and object seem to be in the axes of "
+                "OpenCV and OpenGL; negate y and z of the hand"
+            )
+        remedy = "; or ".join(remedies) or (
+            "check that both are in metres and in the same frame, and that the object's poses are "
+            "given (--object-pose)"
+        )
+        raise InputError(
+            f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
+            f"{nearest:.3g} m away from it; {remedy}"
+        )
+
+
+def in_other_axes(hand: HandTrack) -> HandTrack:
+    """The keypoints and wrist with y and z negated, as between cameras of OpenCV and OpenGL."""
+    flip = torch.tensor([1.0, -1.0, -1.0], device=hand.valid.device)
+    turned = {"joints": hand.joints, "wrist": hand.wrist}
+    return replace(hand, **{name: at * flip for name, at in turned.items() if at is not None})
+
+
+def inverted(motion: ObjectTrack) -> ObjectTrack:
+    """The track whose poses are the inverses."""
+    back = Rigid(motion.rotation, motion.translation).inverse()
+    return replace(motion, rotation=back.rotation, translation=back.translation)
+
+
+def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:
+    """Metres from the wrist to its object in the frame in which they are nearest."""
+    return float(distance_to_object(hand, motion)[hand.valid].min())
+
+
+def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " T"]:
+    """Metres of each frame from the wrist to the ball around the nearest part of the object.
+
+    Negative inside; zero without a mesh, a wrist or an observed pose.
+    """
+    wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
+    if not motion.meshes or wrist is None:
+        return torch.zeros(hand.frames, device=hand.valid.device)
+    gaps = [
+        ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
+        for part, mesh in enumerate(motion.meshes)
+        if motion.valid is None or bool(motion.valid[:, part].any())
+    ]
+    return torch.stack(gaps).amin(0) if gaps else wrist.new_zeros(hand.frames)
+
+
+def ball_distance(
+    points: Float[Tensor, "T 3"],
+    verts: Float[Tensor, "V 3"],
+    rotation: Float[Tensor, "T 3 3"],
+    translation: Float[Tensor, "T 3"],
+) -> Float[Tensor, " T"]:
+    """Distance of each frame's point from the ball around the moved mesh; negative inside."""
+    center = (verts.amax(0) + verts.amin(0)) / 2
+    radius = (verts - center).norm(dim=-1).max()
+    center_world = (rotation @ center[:, None])[..., 0] + translation
+    return (points - center_world).norm(dim=-1) - radius
