@@ -38,8 +38,11 @@ second; that many standard errors from zero; and the share of the palm's motion 
 it explains."""
 EARLY = 0.3
 """Deviations of its kernel by which a filter may seem to come early: none does."""
-LEAST_DELAY, SURELY, MOSTLY = 0.025, 3.0, 0.15
+LEAST_DELAY, SURELY, MOSTLY = 0.025, 4.0, 0.15
 """The same of a delay, in seconds."""
+LEAST_ALONE = 0.045
+"""Seconds of a delay without a filter from which on it is told: of less, what the object tells of
+the hand is worth more."""
 TOLD_DELAY = 0.02  # seconds of a filter's delay from which on it is told
 LAG = 0.5
 """Variance of a filter that comes late, in squares of its delay; that of the usual one, in which
@@ -90,11 +93,11 @@ class Found:
         wide = self.filter.variance > least and self.explained > EXPLAINED
         return wide and self.filter.delay > -EARLY * math.sqrt(self.filter.variance)
 
-    @property
-    def is_late(self) -> bool:
-        """Whether one motion comes later or earlier than the other for sure."""
+    def is_late(self, explained: float) -> bool:
+        """Whether one motion comes later or earlier than the other for sure, and that explains
+        such a share of the palm's motion over the part."""
         least = max(LEAST_DELAY, SURELY * self.delay_error)
-        return abs(self.filter.delay) > least and self.explained > MOSTLY
+        return abs(self.filter.delay) > least and self.explained > explained
 
     @property
     def breadth(self) -> float:
@@ -114,27 +117,34 @@ class Comparison:
     @property
     def filter_of_part(self) -> LowPass | None:
         """The filter that the part went through; None for none."""
-        filtered = self.of_part.is_wide or self._lags(self.of_part, self.of_palm)
-        return self.of_part.filter if filtered else None
+        one, other = self.of_part, self.of_palm
+        late = one.is_late(MOSTLY) and one.filter.delay > 0 > other.filter.delay
+        lags = late and one.breadth > LAG and other.breadth < -LAG
+        return one.filter if one.is_wide or lags else None
 
     @property
     def filter_of_palm(self) -> LowPass | None:
-        """The filter that the hand went through; None for none."""
-        filtered = self.of_palm.is_wide or self._lags(self.of_palm, self.of_part)
-        return self.of_palm.filter if filtered else None
+        """The filter that the hand went through; None for none.
+
+        A hand that moves over the part by itself hides its own filter from its own rates. Then
+        those of the part tell it, as less than it is.
+        """
+        one, other = self.of_palm, self.of_part
+        late = other.is_late(EXPLAINED) and one.filter.delay > 0 > other.filter.delay
+        if not one.is_wide and not (late and other.breadth < -LAG):
+            return None
+        if one.is_wide or one.breadth > LAG:
+            return one.filter
+        return LowPass(-other.filter.delay, -other.filter.variance)
 
     @property
     def delay(self) -> LowPass | None:
         """The delay, negative where the part comes early, of which nothing tells whose it is; None
         for none."""
         filtered = self.filter_of_part is not None or self.filter_of_palm is not None
-        alone = self.of_part.is_late and abs(self.of_part.breadth) < LAG
-        return self.of_part.filter if alone and not filtered else None
-
-    def _lags(self, one: Found, other: Found) -> bool:
-        """Whether one comes late as what was filtered does, seen from both sides."""
-        late = self.of_part.is_late and one.filter.delay > 0 > other.filter.delay
-        return late and one.breadth > LAG and other.breadth < -LAG
+        found, late = self.of_part.filter, self.of_part.is_late(MOSTLY)
+        alone = late and abs(self.of_part.breadth) < LAG and abs(found.delay) > LEAST_ALONE
+        return found if alone and not filtered else None
 
 
 def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:

@@ -68,7 +68,6 @@ def test_debug_lets_the_traceback_through(geneoh, failing):
         (["corrupt", "a.npz", "--noise", "gauss", "--seed", "-1"], "--seed"),
         (["corrupt"], "Missing argument 'CLEAN'"),
         (["corrupt", "a.npz", "--noise", "gauss", "--noise", "drop"], "--noise takes one value"),
-        (["generate", "lift", "--obj", "a.obj", "--obj", "b.obj"], "got it 2 times"),
         (["corrupt", "a.npz", "."], "a mesh goes after --obj, and `geneoh batch` cleans many"),
         (["bench", "--plot", "a.png", "--plot", "b.png"], "--plot takes one value, got it 2 times"),
         (["convert", "--from", "hot3d", "."], "name the source first"),
