@@ -38,11 +38,12 @@ second; that many standard errors from zero; and the share of the palm's motion 
 it explains."""
 EARLY = 0.3
 """Deviations of its kernel by which a filter may seem to come early: none does."""
-LEAST_DELAY, SURELY, MOSTLY = 0.025, 4.0, 0.15
-"""The same of a delay, in seconds."""
-LEAST_ALONE = 0.045
-"""Seconds of a delay without a filter from which on it is told: of less, what the object tells of
-the hand is worth more."""
+LEAST_LAG, LAGS = 0.025, (4.0, 0.05)
+"""The same of the delay of a filter that makes the hand late: least seconds, and least standard
+errors with the least share."""
+LEAST_DELAY, LATE = 0.045, (3.0, 0.15)
+"""The same of a delay without a filter: of less, what the object tells of the hand is worth more
+than what the delay takes of it."""
 TOLD_DELAY = 0.02  # seconds of a filter's delay from which on it is told
 LAG = 0.5
 """Variance of a filter that comes late, in squares of its delay; that of the usual one, in which
@@ -93,11 +94,11 @@ class Found:
         wide = self.filter.variance > least and self.explained > EXPLAINED
         return wide and self.filter.delay > -EARLY * math.sqrt(self.filter.variance)
 
-    def is_late(self, explained: float) -> bool:
-        """Whether one motion comes later or earlier than the other for sure, and that explains
-        such a share of the palm's motion over the part."""
-        least = max(LEAST_DELAY, SURELY * self.delay_error)
-        return abs(self.filter.delay) > least and self.explained > explained
+    def is_late(self, least: float, errors: float, explained: float) -> bool:
+        """Whether one motion comes that much later or earlier than the other, seconds, by so many
+        standard errors, and that explains such a share of the palm's motion over the part."""
+        late = abs(self.filter.delay) > max(least, errors * self.delay_error)
+        return late and self.explained > explained
 
     @property
     def breadth(self) -> float:
@@ -118,7 +119,7 @@ class Comparison:
     def filter_of_part(self) -> LowPass | None:
         """The filter that the part went through; None for none."""
         one, other = self.of_part, self.of_palm
-        late = one.is_late(MOSTLY) and one.filter.delay > 0 > other.filter.delay
+        late = one.is_late(LEAST_LAG, *LATE) and one.filter.delay > 0 > other.filter.delay
         lags = late and one.breadth > LAG and other.breadth < -LAG
         return one.filter if one.is_wide or lags else None
 
@@ -130,7 +131,7 @@ class Comparison:
         those of the part tell it, as less than it is.
         """
         one, other = self.of_palm, self.of_part
-        late = other.is_late(EXPLAINED) and one.filter.delay > 0 > other.filter.delay
+        late = other.is_late(LEAST_LAG, *LAGS) and one.filter.delay > 0 > other.filter.delay
         if not one.is_wide and not (late and other.breadth < -LAG):
             return None
         if one.is_wide or one.breadth > LAG:
@@ -142,9 +143,8 @@ class Comparison:
         """The delay, negative where the part comes early, of which nothing tells whose it is; None
         for none."""
         filtered = self.filter_of_part is not None or self.filter_of_palm is not None
-        found, late = self.of_part.filter, self.of_part.is_late(MOSTLY)
-        alone = late and abs(self.of_part.breadth) < LAG and abs(found.delay) > LEAST_ALONE
-        return found if alone and not filtered else None
+        late = self.of_part.is_late(LEAST_DELAY, *LATE) and abs(self.of_part.breadth) < LAG
+        return self.of_part.filter if late and not filtered else None
 
 
 def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:
