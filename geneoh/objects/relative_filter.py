@@ -41,7 +41,7 @@ EARLY = 0.3
 LEAST_LAG, LAGS = 0.025, (4.0, 0.05)
 """The same of the delay of a filter that makes the hand late: least seconds, and least standard
 errors with the least share."""
-LEAST_DELAY, LATE = 0.045, (3.0, 0.15)
+LEAST_DELAY, LATE = 0.045, (5.0, 0.15)
 """The same of a delay without a filter: of less, what the object tells of the hand is worth more
 than what the delay takes of it."""
 TOLD_DELAY = 0.02  # seconds of a filter's delay from which on it is told
@@ -102,7 +102,7 @@ class Found:
 
     @property
     def breadth(self) -> float:
-        """Variance in squares of the delay, with the sign of the delay."""
+        """Variance in squares of the delay."""
         return self.filter.variance / max(self.filter.delay**2, 1e-12)
 
 
@@ -166,15 +166,17 @@ def products(
     tips = np.concatenate([np.zeros((1, 3)), LEVER * np.eye(3)])
     points = np.einsum("tij,pj->tpi", palm.turns.as_matrix(), tips) + palm.places[:, None]
     seen = (points - places) @ turns  # from the part
-    moved = points if of_palm else seen.mean(0) @ turns.swapaxes(1, 2) + places
+    verts = motion.meshes[part].verts.cpu().numpy()
+    inside = seen[:, 0].clip(verts.min(0), verts.max(0))
+    near = (np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH) & palm.seen
+    if not near.any():
+        return
+    moved = points if of_palm else seen[near].mean(0) @ turns.swapaxes(1, 2) + places
     motions = [-seen if of_palm else seen, rate(moved) @ turns, rate(rate(moved)) @ turns]
     smooth, slow = JITTER * fps, LASTING * fps
     lively = [gaussian_filter1d(each, smooth, axis=0, mode="nearest") for each in motions]
     lively = [each - gaussian_filter1d(each, slow, axis=0, mode="nearest") for each in lively]
-    verts = motion.meshes[part].verts.cpu().numpy()
-    inside = seen[:, 0].clip(verts.min(0), verts.max(0))
-    near = np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH
-    rows = np.stack(lively, axis=-1) * (near & palm.seen)[:, None, None, None]
+    rows = np.stack(lively, axis=-1) * near[:, None, None, None]
     length = max(2, round(BLOCK * fps))
     for start in range(0, len(rows), length):
         block = rows[start : start + length].reshape(-1, 3)
