@@ -24,12 +24,12 @@ from pathlib import Path
 import fake_cleaning
 from geneoh.batch import run
 from geneoh.batch.cleaning import BatchOptions
-from geneoh.batch.clips import find_clips
+from geneoh.batch.clips import find_batch_clips
 
 if __name__ == "__main__":
     run.clean_clip = fake_cleaning.clean_clip
     batch = BatchOptions(Path(sys.argv[2]))
-    clips = find_clips([Path(sys.argv[1])], None, batch.folder)
+    clips = find_batch_clips([Path(sys.argv[1])], None, batch.folder)
     run.clean_batch(clips, batch, jobs=2)
 """
 
