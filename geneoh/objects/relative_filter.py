@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Float, Float64
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import binary_erosion, gaussian_filter1d
 from torch import Tensor
 
 from geneoh.objects.palms import RigidMotion
@@ -29,9 +29,11 @@ REACH = 0.12
 LASTING, JITTER = 0.4, 1 / 30
 """Seconds, deviations of the Gaussians: what lasts longer than the first tells of no filter, and
 the second takes out white noise."""
-BLOCK, LEAST_BLOCKS = 0.5, 3
-"""Seconds of the blocks of which each is left out in turn, to see how sure the filter is; and the
-least number of them."""
+BESIDE_GAPS = 0.1
+"""Seconds beside a gap of the hand that tell nothing, as the line that fills it is smooth."""
+BLOCK, LEAST_BLOCKS, USED = 0.5, 3, 0.5
+"""Seconds of the blocks of which each is left out in turn, to see how sure the filter is; the least
+number of them; and the share of their frames that must tell something."""
 LEAST_VARIANCE, SURE, EXPLAINED = 0.0044, 2.5, 0.05
 """Variance in seconds² from which on a filter counts, that of a Gaussian of two frames at 30 a
 second; that many standard errors from zero; and the share of the palm's motion over the object that
@@ -168,7 +170,8 @@ def products(
     seen = (points - places) @ turns  # from the part
     verts = motion.meshes[part].verts.cpu().numpy()
     inside = seen[:, 0].clip(verts.min(0), verts.max(0))
-    near = (np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH) & palm.seen
+    near = np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH
+    near &= binary_erosion(palm.seen, iterations=max(1, round(BESIDE_GAPS * fps)), border_value=1)
     if not near.any():
         return
     moved = points if of_palm else seen[near].mean(0) @ turns.swapaxes(1, 2) + places
@@ -179,8 +182,9 @@ def products(
     rows = np.stack(lively, axis=-1) * near[:, None, None, None]
     length = max(2, round(BLOCK * fps))
     for start in range(0, len(rows), length):
-        block = rows[start : start + length].reshape(-1, 3)
-        if np.square(block[:, 1:]).sum() > 0:
+        frames = slice(start, start + length)
+        block = rows[frames].reshape(-1, 3)
+        if near[frames].mean() >= USED and np.square(block[:, 1:]).sum() > 0:
             yield block.T @ block
 
 

@@ -1,5 +1,7 @@
 """Which of hand and object was filtered, told by how the one moves beside the other."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -76,6 +78,18 @@ def test_of_a_delay_nothing_tells_whose_it_is(kind, sign):
     found = comparison(filtered_as(clip_of("mug"), kind))
     assert found.filter_of_part is found.filter_of_palm is None
     assert found.delay.delay == pytest.approx(sign * 2 * FRAME, abs=FRAME / 2)
+
+
+@pytest.mark.parametrize(("lost", "of"), [(5, 10), (7, 14), (9, 16)])
+def test_the_lines_that_fill_gaps_are_taken_for_no_filter(lost, of):
+    """Of a scan of which single frames between gaps seem to show one."""
+    clip = clip_of("ycb_035_power_drill.ply")
+    (hand,) = clip.hands
+    valid = torch.arange(clip.frames) % of < of - lost
+    gone = ~valid[:, None, None]
+    hand = replace(hand, valid=valid, joints=hand.joints.masked_fill(gone, torch.nan))
+    found = compared(clip.object, 0, palm_of(replace(hand, pose=None, wrist=None)), clip.fps)
+    assert found is None or found.filter_of_palm is found.filter_of_part is found.delay is None
 
 
 def test_an_object_at_rest_tells_nothing():
