@@ -164,7 +164,8 @@ mano = option(
 trust_and_refine = together(
     flag(
         "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "
-        "are smoothed before the hand is cleaned."
+        "are smoothed before the hand is cleaned, and a filter that one of hand and object went "
+        "through is undone."
     ),
     flag(
         "--refine-object: Write poses of the object that agree with the clean hands, and not "

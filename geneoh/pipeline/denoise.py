@@ -73,7 +73,8 @@ def denoise(
 
     The stages know right hands at 30 frames a second only: left hands are mirrored and other rates
     resampled here and back. They see the hand from the object, so an object whose poses shake or
-    jump is cleaned first (`geneoh.objects.cleaning`); the report is measured against that one. The
+    jump is cleaned first (`geneoh.objects.cleaning`), and a filter that one of hand and object went
+    through is undone (`geneoh.objects.sharpening`); the report is measured against that object. The
     same input, options and seed give the same result. The work is done on `options.device`; the
     result is on the device of the sequence. What is doubtful about the input is logged as a warning
     before the work. The caller's random state and modes of torch are neither used nor changed.
@@ -147,7 +148,7 @@ def clean_interaction(
         notes.append(NO_OBJECT)
         notes += [NOT_REFINED] if options.refine_object else ()
     notes += filled_poses(motion) if chosen.has_object else ()
-    evidence = torch.ones(sequence.frames, 1)
+    evidence, undone = torch.ones(sequence.frames, 1), list[HandTrack]()
     if chosen.clean_object:
         palms = tuple(map(palm_of, sequence.hands))
         motion, repeated = without_repeats(motion)
@@ -155,6 +156,7 @@ def clean_interaction(
         notes += repeated
         notes += examined.sentences()
         sharp = sharpened(sequence.hands, motion, examined, sequence.fps)
+        undone = [h for h, new in zip(sequence.hands, sharp.hands, strict=True) if new is not h]
         sequence, motion = replace(sequence, hands=sharp.hands), sharp.object
         notes += sharp.notes
         relied = evidence_of_poses(examined, motion, sequence.fps, sharp.off)
@@ -164,6 +166,7 @@ def clean_interaction(
     seen, said = with_found_rays(replace(sequence, object=met), chosen)
     notes += said
     normalised = normalised_hands(seen)
+    told = {h.side: h.track for h in normalised_hands(replace(seen, hands=tuple(undone)))}
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
@@ -173,6 +176,7 @@ def clean_interaction(
         moved = hand.to(options.device)
         found = _fitted(
             moved,
+            told.get(hand.side),
             _model(moved, options),
             relied.to(options.device),
             None if examined is None else examined.white_noise,
@@ -219,6 +223,7 @@ def _model(hand: NormalisedHand, options: Options) -> HandModel:
 @torch.no_grad()
 def _fitted(
     hand: NormalisedHand,
+    told: HandTrack | None,
     model: HandModel,
     relied: Float[Tensor, "N Q"],
     object_noise: Float[Tensor, " 2"] | None,
@@ -228,13 +233,15 @@ def _fitted(
     on_progress: OnProgress | None,
 ) -> FittedHand:
     """One normalised hand: three stages, selection, fit. Frames fall back to the hand alone by as
-    much as `relied`, how far the poses of the object's parts are relied on, is below 1."""
+    much as `relied`, how far the poses of the object's parts are relied on, is below 1. The report
+    is about the track that was `told`, where a filter was undone in it."""
     generator = torch.Generator().manual_seed(seed)
     surface = hand.object.surface() if hand.object.meshes else None
     against = surface if chosen.has_object else None  # what the hand is cleaned against
     carrier = None if against is None else carrier_of(hand.track, against, relied)
-    subject = untwisted(subject_of(hand.track, model, carrier))
-    # MotionDiff starts from the parameters of the input, and the report measures their mesh
+    asked = subject_of(hand.track, model, carrier)
+    subject = untwisted(asked)
+    # MotionDiff starts from the parameters of the input
     given = subject.parameters()
     # the paper's stages know no skeleton
     subject, seen = subject.in_own_skeleton(given) if chosen.observed else (subject, given)
@@ -254,10 +261,14 @@ def _fitted(
     index, target = _select(samples, subject, chosen.selection)
     on_step = progress_of("fit")
     state, shaped, betas = _fit(target, subject, given, chosen, surface, near * poses, on_step)
+    if told is not None:
+        asked = subject_of(told.to(hand.track.valid.device), model, carrier)
+    before = given if asked.start is subject.start else asked.parameters()
     return FittedHand(
         hand=hand,
         subject=subject,
-        given=given,
+        given=before,
+        given_joints=subject.joints if told is None else asked.completed(before).joints,
         preset=chosen,
         surface=surface,
         near=near,

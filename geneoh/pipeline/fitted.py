@@ -37,7 +37,8 @@ class FittedHand:
 
     hand: NormalisedHand
     subject: Subject
-    given: HandState  # the input as hand parameters
+    given: HandState  # the input as hand parameters, before anything was undone in it
+    given_joints: Float[Tensor, "T 21 3"]  # the keypoints of the input
     preset: Preset
     surface: MovingSurface | None
     near: Float[Tensor, " T"]
@@ -109,7 +110,7 @@ class FittedHand:
         spread = joint_spread(self.samples, alone=1 - self.evidence) if several else None
         observed = self.hand.track.observed  # the report compares the same frames before and after
         before, _ = measure_hand(
-            self.given, subject.shaped, subject.joints, self.surface, fps, observed
+            self.given, subject.shaped, self.given_joints, self.surface, fps, observed
         )
         after, apart = measure_hand(
             state, shaped, joints, self.surface, fps, observed, within=REACH
@@ -123,7 +124,7 @@ class FittedHand:
             chosen=self.chosen,
             before=before,
             after=after,
-            moved=float((joints - subject.joints).norm(dim=-1)[seen].mean()),
+            moved=float((joints - self.given_joints).norm(dim=-1)[seen].mean()),
             windows=len(window_starts(subject.joints.shape[0])),
             contact=None if apart is None else finger_contact(apart, spread, touch),
             evidence=self.evidence,

@@ -53,7 +53,8 @@ class Options:
     weights: Path | None = None
     """Folder of the networks' weights, as `geneoh train` writes it; None for those that ship."""
     trust_object: bool = False
-    """Whether the object's poses are taken as exact: they are neither examined nor cleaned."""
+    """Whether the object's poses are taken as exact: they are neither examined nor cleaned, and no
+    filter that the hand or the object went through is undone."""
     refine_object: bool = False
     """Whether the result has poses of the object that agree with the clean hands
     (`geneoh.objects.refine`) and not those of the input. It needs the examination of the object,
