@@ -98,7 +98,7 @@ def sharpened_part(
     whole, seen = LowPass(0.0, 0.0), best(motion)
     if seen is not None and seen.delay is not None:
         other = without_filter_of_part(motion, part, seen.delay, fps)
-        return motion, moved_by(motion, other, part, fps), [out_of_time(name, seen.delay)]
+        return motion, moved_by(motion, other, part, fps), [out_of_time(name, seen.delay, fps)]
     for _ in range(ROUNDS):
         if seen is None or (found := seen.filter_of_part) is None:
             break
@@ -163,11 +163,12 @@ def of_hand(hand: HandTrack, found: LowPass) -> str:
     )
 
 
-def out_of_time(name: str, found: LowPass) -> str:
+def out_of_time(name: str, found: LowPass, fps: float) -> str:
     """What a user should know of a delay that may be that of the hand or of a part."""
     late = "late" if found.delay > 0 else "early"
     return (
         f"{name} comes {1000 * abs(found.delay):.0f} ms {late} beside the hand that moves it, and "
         "nothing tells which of them is right: where that is centimetres the hand was cleaned by "
-        "the prior of hand motion alone; --hand-delay brings them together"
+        f"the prior of hand motion alone; if the object is, --hand-delay {-found.delay * fps:.0f} "
+        "brings the hand to it"
     )

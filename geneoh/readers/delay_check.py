@@ -44,7 +44,8 @@ def check_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> Iterator[st
         order = "later" if delay > 0 else "earlier"
         yield (
             f"timing: it seems to move {frames} {order} than the object that it holds; give it "
-            f"the object's poses of its own time (--hand-delay {delay})"
+            f"the object's poses of its own time (--hand-delay {delay}, unless a note tells of a "
+            "filter that was undone)"
         )
 
 

@@ -258,7 +258,7 @@ SITUATIONS = [
     ),
     Situation(
         "The hand comes some frames later or earlier than the object that it holds",
-        "left hand: timing: it seems to move 6 frames later ... (--hand-delay 6)",
+        "left hand: timing: ... 6 frames later ... (--hand-delay 6, unless a note tells",
         late,
         code=0,
     ),

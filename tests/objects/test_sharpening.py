@@ -71,6 +71,7 @@ def test_an_object_out_of_time_is_relied_on_less_and_the_delay_told():
     assert found.object is noisy.object
     assert float(found.off.max()) > 0.02
     assert "ms late beside the hand that moves it, and nothing tells which" in found.notes[0]
+    assert found.notes[0].endswith("if the object is, --hand-delay -2 brings the hand to it")
 
 
 def test_parts_that_shake_by_themselves_tell_nothing():

@@ -60,7 +60,7 @@ def test_an_object_that_rests_tells_no_delay(recording):
 def test_a_delay_is_told_and_its_option_mends_it(recording):
     late = with_hands_earlier(recording, -3)
     words = "seems to move 3 frames later than the object that it holds; "
-    words += "give it the object's poses of its own time (--hand-delay 3)"
+    words += "give it the object's poses of its own time (--hand-delay 3, unless"
     assert any(words in said for said in doubts(late, "late"))
     truth = recording.hands[0].joints
     mended = denoise(late, preset="fast", hand_delay=3).sequence
