@@ -138,10 +138,7 @@ def acceleration_around(
 ) -> Float64[np.ndarray, " T"]:
     """How much a part's surface accelerates in the seen frames around each one, metres per frame²:
     the root mean square over some of its vertices and the frames, weighed by a Gaussian."""
-    verts = motion.meshes[part].verts
-    verts = verts[:: max(1, len(verts) // 16)].double()
-    rotation, translation = motion.rotation[:, part].double(), motion.translation[:, part].double()
-    placed = (verts @ rotation.mT + translation[:, None]).cpu().numpy()
+    placed = placed_vertices(motion, part).cpu().numpy()
     squares = np.zeros(len(kept))
     squares[1:-1] = np.square(np.diff(placed, n=2, axis=0)).sum(-1).mean(1)
     seen = kept.copy()
@@ -149,6 +146,14 @@ def acceleration_around(
     seen[1:-1] &= kept[:-2] & kept[2:]
     around = partial(gaussian_filter1d, sigma=AROUND * fps / 30, mode="constant")
     return np.sqrt(around(seen * squares) / around(seen.astype(float)).clip(1e-9))
+
+
+def placed_vertices(motion: ObjectTrack, part: int) -> Float64[Tensor, "T V 3"]:
+    """Some of a part's vertices in each frame, world frame, metres."""
+    verts = motion.meshes[part].verts
+    verts = verts[:: max(1, len(verts) // 16)].to(motion.rotation.device).double()
+    rotation, translation = motion.rotation[:, part].double(), motion.translation[:, part].double()
+    return verts @ rotation.mT + translation[:, None]
 
 
 def radius(mesh: Mesh) -> float:

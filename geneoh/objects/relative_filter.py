@@ -10,7 +10,6 @@ least squares from how far the palm is beside where the object would carry it.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,16 +152,19 @@ def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> C
     """How a part moves beside a palm; None where too little of either moves to tell."""
     if len(motion.rotation) < LEAST_BLOCKS * round(BLOCK * fps):
         return None
-    of_part = solved(np.array(list(products(motion, part, palm, fps))), fps)
-    of_palm = solved(np.array(list(products(motion, part, palm, fps, of_palm=True))), fps)
+    blocks = products(motion, part, palm, fps)
+    of_part = solved(blocks[:, :3, :3], fps)
+    # beside the palm the part is the other way, and the palm's rates count
+    other_way, by_palm = np.diag([-1.0, 1.0, 1.0]), [0, 3, 4]
+    of_palm = solved(other_way @ blocks[:, by_palm][:, :, by_palm] @ other_way, fps)
     return None if of_part is None or of_palm is None else Comparison(of_part, of_palm)
 
 
 def products(
-    motion: ObjectTrack, part: int, palm: RigidMotion, fps: float, of_palm: bool = False
-) -> Iterator[Float64[np.ndarray, "3 3"]]:
+    motion: ObjectTrack, part: int, palm: RigidMotion, fps: float
+) -> Float64[np.ndarray, "B 5 5"]:
     """Sums of products, for each block of frames, of how far the palm is from where the part would
-    carry it, and of the first two rates of the part's motion, or of the palm's."""
+    carry it, of the first two rates of the part's motion there, and of those of the palm's."""
     turns = motion.rotation[:, part].double().cpu().numpy()
     places = motion.translation[:, part].double().cpu().numpy()[:, None]
     tips = np.concatenate([np.zeros((1, 3)), LEVER * np.eye(3)])
@@ -173,23 +175,23 @@ def products(
     near = np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH
     near &= binary_erosion(palm.seen, iterations=max(1, round(BESIDE_GAPS * fps)), border_value=1)
     if not near.any():
-        return
-    moved = points if of_palm else seen[near].mean(0) @ turns.swapaxes(1, 2) + places
-    motions = [-seen if of_palm else seen, rate(moved) @ turns, rate(rate(moved)) @ turns]
+        return np.zeros((0, 5, 5))
+    carried = seen[near].mean(0) @ turns.swapaxes(1, 2) + places
+    rates = [r @ turns for moved in (carried, points) for r in (rate(moved), rate(rate(moved)))]
     smooth, slow = JITTER * fps, LASTING * fps
-    lively = [gaussian_filter1d(each, smooth, axis=0, mode="nearest") for each in motions]
-    lively = [each - gaussian_filter1d(each, slow, axis=0, mode="nearest") for each in lively]
+    lively = [gaussian_filter1d(e, smooth, axis=0, mode="nearest") for e in (seen, *rates)]
+    lively = [e - gaussian_filter1d(e, slow, axis=0, mode="nearest") for e in lively]
     rows = np.stack(lively, axis=-1) * near[:, None, None, None]
     length = max(2, round(BLOCK * fps))
-    for start in range(0, len(rows), length):
-        frames = slice(start, start + length)
-        block = rows[frames].reshape(-1, 3)
-        if near[frames].mean() >= USED and np.square(block[:, 1:]).sum() > 0:
-            yield block.T @ block
+    blocks = [slice(start, start + length) for start in range(0, len(rows), length)]
+    used = [rows[block].reshape(-1, 5) for block in blocks if near[block].mean() >= USED]
+    return np.array([block.T @ block for block in used]).reshape(-1, 5, 5)
 
 
-def solved(blocks: Float64[np.ndarray, "B ..."], fps: float) -> Found | None:
-    """The filter by all blocks, and how sure it is by leaving out each in turn (the jackknife)."""
+def solved(blocks: Float64[np.ndarray, "B 3 3"], fps: float) -> Found | None:
+    """The filter by all blocks in which something moves, and how sure it is by leaving out each in
+    turn (the jackknife)."""
+    blocks = blocks[np.trace(blocks[:, 1:, 1:], axis1=1, axis2=2) > 0]
     if len(blocks) < LEAST_BLOCKS:
         return None
     total = blocks.sum(0)

@@ -19,6 +19,7 @@ from geneoh.geometry.rotations import (
     nearest_rotations,
 )
 from geneoh.objects.cleaning import ObjectExamination
+from geneoh.objects.evidence import placed_vertices
 from geneoh.objects.palms import RigidMotion, palm_of
 from geneoh.objects.relative_filter import Comparison, LowPass, compared
 from geneoh.sequence.gaps import fill_gaps
@@ -30,7 +31,6 @@ LEFT, AROUND = 0.4, 0.1
 """Share of a correction by which the sharpened track is still off, 0.3 to 0.5 for Gaussian filters
 of three and six frames at 30 a second, less for filters that come late; and deviation in seconds of
 the Gaussian over the frames around one."""
-SAMPLES = 16  # number of vertices that tell how far a part was moved
 
 
 @dataclass(frozen=True)
@@ -46,42 +46,46 @@ class Sharpened:
 
 
 def sharpened(
-    hands: tuple[HandTrack, ...], motion: ObjectTrack, examined: ObjectExamination, fps: float
+    hands: tuple[HandTrack, ...],
+    palms: tuple[RigidMotion, ...],
+    motion: ObjectTrack,
+    examined: ObjectExamination,
+    fps: float,
 ) -> Sharpened:
     """Hands and object without the filters that one of them went through and the other did not.
 
     Parts whose own track is noisy stay as they are, and tell nothing of hands: they were smoothed
-    because of that. `motion` is the track after cleaning (`geneoh.objects.cleaning`).
+    because of that. `motion` is the track after cleaning (`geneoh.objects.cleaning`), and `palms`
+    are those of the hands.
     """
     parts = [part for part in motion.seen_parts if not bool(examined.is_noisy[part])]
-    notes, sharp = list[str](), list[HandTrack]()
-    for hand in hands:
-        other, found = sharpened_hand(hand, motion, parts, fps)
+    notes, sharp, moved = list[str](), list[HandTrack](), list[RigidMotion]()
+    for hand, palm in zip(hands, palms, strict=True):
+        other, palm, found = sharpened_hand(hand, palm, motion, parts, fps)
         sharp.append(other)
+        moved.append(palm)
         notes += [] if found is None else [of_hand(hand, found)]
-    palms = [palm_of(hand) for hand in sharp]
     off = torch.zeros_like(examined.confidence)
     for part in parts:
-        motion, left, said = sharpened_part(motion, part, palms, fps)
+        motion, left, said = sharpened_part(motion, part, moved, fps)
         off[:, part] = left.to(off)
         notes += said
     return Sharpened(tuple(sharp), motion, off, tuple(notes))
 
 
 def sharpened_hand(
-    hand: HandTrack, motion: ObjectTrack, parts: list[int], fps: float
-) -> tuple[HandTrack, LowPass | None]:
-    """A hand without the filter that it went through, and that filter; None for none."""
+    hand: HandTrack, palm: RigidMotion, motion: ObjectTrack, parts: list[int], fps: float
+) -> tuple[HandTrack, RigidMotion, LowPass | None]:
+    """A hand and its palm without the filter that they went through, and it; None for none."""
     whole = None
     for _ in range(ROUNDS):
-        palm = palm_of(hand)
         every = [c for part in parts if (c := compared(motion, part, palm, fps)) is not None]
         best = max(every, key=lambda c: c.of_palm.explained, default=None)
         if best is None or (found := best.filter_of_palm) is None:
             break
         hand = without_filter_of_hand(hand, found, fps)
-        whole = found if whole is None else whole + found
-    return hand, whole
+        palm, whole = palm_of(hand), found if whole is None else whole + found
+    return hand, palm, whole
 
 
 def sharpened_part(
@@ -135,13 +139,8 @@ def without_filter_of_hand(hand: HandTrack, found: LowPass, fps: float) -> HandT
 
 def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Float[Tensor, " T"]:
     """Root mean square distance of a part's vertices in two tracks around each frame, metres."""
-    verts = one.meshes[part].verts.to(one.rotation)
-    verts = verts[:: max(1, len(verts) // SAMPLES)]
-    first, second = (
-        verts @ track.rotation[:, part].mT + track.translation[:, part, None]
-        for track in (one, other)
-    )
-    squares = (second - first).square().sum(-1).mean(1).double().cpu().numpy()
+    apart = placed_vertices(other, part) - placed_vertices(one, part)
+    squares = apart.square().sum(-1).mean(1).cpu().numpy()
     around = gaussian_filter1d(squares, AROUND * fps, mode="nearest")
     return torch.from_numpy(np.sqrt(around)).to(one.rotation)
 

@@ -155,7 +155,7 @@ def clean_interaction(
         motion, examined = clean_object(motion, sequence.fps, palms)
         notes += repeated
         notes += examined.sentences()
-        sharp = sharpened(sequence.hands, motion, examined, sequence.fps)
+        sharp = sharpened(sequence.hands, palms, motion, examined, sequence.fps)
         undone = [h for h, new in zip(sequence.hands, sharp.hands, strict=True) if new is not h]
         sequence, motion = replace(sequence, hands=sharp.hands), sharp.object
         notes += sharp.notes
@@ -166,7 +166,10 @@ def clean_interaction(
     seen, said = with_found_rays(replace(sequence, object=met), chosen)
     notes += said
     normalised = normalised_hands(seen)
-    told = {h.side: h.track for h in normalised_hands(replace(seen, hands=tuple(undone)))}
+    told = dict[Side, HandTrack]()
+    if undone:
+        as_told = normalised_hands(replace(seen, hands=tuple(undone)))
+        told = {hand.side: hand.track for hand in as_told}
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")

@@ -15,7 +15,7 @@ from tools.noisy_objects.filters import filtered_as
 def sharp(sequence: Sequence):
     palms = tuple(map(palm_of, sequence.hands))
     motion, examined = clean_object(sequence.object, sequence.fps, palms)
-    return sharpened(sequence.hands, motion, examined, sequence.fps)
+    return sharpened(sequence.hands, palms, motion, examined, sequence.fps)
 
 
 def off(motion, truth) -> float:
