@@ -119,9 +119,7 @@ def clean_object(
     """The object's track without its noise, and what was found in it; the very same track where all
     parts are exact. `palms` are those of the hands as they were given, in the same frames."""
     given = (motion.rotation.double().cpu().numpy(), motion.translation.double().cpu().numpy())
-    seen = np.ones(given[0].shape[:2], dtype=bool)
-    if motion.valid is not None:
-        seen = motion.valid.cpu().bool().numpy()
+    seen = motion.observed.cpu().numpy()
     parts = [
         clean_part((given[0][:, part], given[1][:, part]), mesh, fps, seen[:, part], palms)
         for part, mesh in enumerate(motion.meshes)
@@ -150,7 +148,7 @@ def clean_part(
     mesh: Mesh,
     fps: float,
     seen: Bool[np.ndarray, " T"],
-    palms: tuple[RigidMotion, ...] = (),
+    palms: tuple[RigidMotion, ...],
 ) -> CleanPart:
     """One part's track without its noise, and what was found in it. Frames not `seen` are filled,
     with no weight and no confidence."""
@@ -190,9 +188,8 @@ def is_shaky(views: Views, fps: float) -> bool:
     """Whether a part shakes, by its turns and by its middle, which turns do not move."""
     bound = max(1.0, (30 / fps) ** 2)
     turn_bound, place_bound = bound * EXACT_ROTATION, bound * EXACT_TRANSLATION
-    return views.all_above(turn_bound, lambda view: view.turn_noise(quietest)) or views.all_above(
-        place_bound, lambda view: view.place_noise(quietest)
-    )
+    turns = all(view.turn_noise(quietest) > turn_bound for view in views.every)
+    return turns or all(view.place_noise(quietest) > place_bound for view in views.every)
 
 
 def _smoothed(
@@ -211,7 +208,10 @@ def _smoothed(
     rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
     there = steady_places(views, fps) & seen
-    noise = turning.least(RigidMotion.turn_noise), views.least(RigidMotion.place_noise)
+    noise = (
+        min(view.turn_noise() for view in turning.every),
+        min(v.place_noise() for v in views.every),
+    )
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     if shakes:
         least = max(noise[1], EXACT_TRANSLATION / 4)

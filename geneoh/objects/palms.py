@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
+from geneoh.geometry.rotations import is_rotation
 from geneoh.objects.smoothing import LEAST_FRAMES, Summary, increments, noise_level, path_of
 from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
@@ -61,25 +62,19 @@ class RigidMotion:
 
 def palm_of(hand: HandTrack) -> RigidMotion:
     """The palm of a track, of which something is seen in some frame."""
-    return palm_at(filled_keypoints(hand), hand.trust)
+    return palm_at(filled_keypoints(hand), hand.trust > 0)
 
 
-def palm_at(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> RigidMotion:
-    """The palm of keypoints, metres, world frame; seen where all of its own are trusted."""
-    known = (trust > 0)[:, PALM].all(-1)
-    if bool(known.any()):
-        return palm_motion(joints, trust > 0)
-    nothing = np.zeros((len(joints), 3))
-    return RigidMotion(Rotation.from_rotvec(nothing), nothing, known.cpu().numpy())
-
-
-def palm_motion(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> RigidMotion:
-    """The same of keypoints that may all be untrusted, and are then taken as they are."""
+def palm_at(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> RigidMotion:
+    """The palm of keypoints, metres, world frame; seen where all of its own are trusted. Those that
+    never are count as they are; axes that they do not tell are the world's."""
     points, known = palm_points(joints, trusted)
     whole = joints.index_copy(1, torch.tensor(PALM, device=joints.device), points)
-    axes = palm_axes(whole[:, None]).double().cpu().numpy()
+    axes = palm_axes(whole[:, None])
+    axes = torch.where(is_rotation(axes)[:, None, None], axes, torch.eye(3).to(axes))
     middle = points.mean(1).double().cpu().numpy()
-    return RigidMotion(Rotation.from_matrix(axes), middle, known.cpu().numpy())
+    turns = Rotation.from_matrix(axes.double().cpu().numpy())
+    return RigidMotion(turns, middle, known.cpu().numpy())
 
 
 @dataclass(frozen=True)
@@ -94,13 +89,10 @@ class Views:
         """What is seen from those palms that were seen for long enough."""
         return cls(world, tuple(v for palm in palms if (v := world.as_seen_from(palm)).is_long))
 
-    def least(self, noise: Callable[[RigidMotion], float]) -> float:
-        """The least noise in any view: a hand has noise of its own, and adds to it."""
-        return min(map(noise, (self.world, *self.palms)))
-
-    def all_above(self, bound: float, noise: Callable[[RigidMotion], float]) -> bool:
-        """Whether the noise is above a bound in every view; palms are asked after the world."""
-        return all(noise(view) > bound for view in (self.world, *self.palms))
+    @property
+    def every(self) -> tuple[RigidMotion, ...]:
+        """All views; the least noise counts, as a hand has noise of its own and adds to it."""
+        return self.world, *self.palms
 
     def limit(
         self, usual: float, changes: Callable[[RigidMotion], Float64[np.ndarray, " N"]]

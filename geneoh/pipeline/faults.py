@@ -19,11 +19,11 @@ from torch import Tensor
 from geneoh.choices import Side
 from geneoh.errors import numbered
 from geneoh.objects.consistency import longest_chain, possible_places
-from geneoh.objects.palms import RigidMotion, palm_motion
+from geneoh.objects.palms import RigidMotion, palm_at
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.pipeline.stray import without_strays
-from geneoh.readers.hand_checks import KNUCKLES, finger_curls
+from geneoh.readers.hand_checks import finger_curls, palm_length
 from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -48,15 +48,6 @@ GUESSED = 0.05  # confidence of fingers that are those of the frames around them
 ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # of a hand: no turn maps it onto itself
 
 
-@dataclass(frozen=True)
-class Fault:
-    """Frames with one fault, and what is wrong with them in words."""
-
-    frames: Bool[Tensor, " T"]
-    words: str
-    of_fingers: bool  # whether only the fingers are wrong, and the palm counts as observed
-
-
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence whose faulty frames count as missing, and what a user should know of them."""
     found = [without_faults_of(hand, sequence.fps, sequence.object) for hand in sequence.hands]
@@ -65,18 +56,18 @@ def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
 
 
 def without_faults_of(
-    hand: HandTrack, fps: float, motion: ObjectTrack | None = None
+    hand: HandTrack, fps: float, motion: ObjectTrack
 ) -> tuple[HandTrack, tuple[str, ...]]:
     """One hand without its faults, and what a user should know of them."""
     hand, words = without_strays(hand)
     said = list(words)
-    for fault in faults(hand, fps, motion):
-        if fault.of_fingers:
-            hand, cure = _with_other_fingers(hand, fault.frames), "got those of the frames around"
+    for frames, fault, of_fingers in faults(hand, fps, motion):
+        if of_fingers:
+            hand, cure = _with_other_fingers(hand, frames), "got those of the frames around"
         else:
-            hand, cure = replace(hand, valid=hand.valid & ~fault.frames), "taken as missing"
-        where = numbered(int(fault.frames.sum()), "frame")
-        said.append(f"the {hand.side} hand {fault.words} in {where}: {cure}")
+            hand, cure = replace(hand, valid=hand.valid & ~frames), "taken as missing"
+        where = numbered(int(frames.sum()), "frame")
+        said.append(f"the {hand.side} hand {fault} in {where}: {cure}")
     return hand, tuple(said)
 
 
@@ -96,20 +87,24 @@ def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrac
     return replace(hand, pose=pose, joints=joints, confidence=trust)
 
 
-def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> Iterator[Fault]:
-    """The faults of a track, each with frames that no other has; most tracks have none."""
+def faults(
+    hand: HandTrack, fps: float, motion: ObjectTrack
+) -> Iterator[tuple[Bool[Tensor, " T"], str, bool]]:
+    """The faults of a track, of which most have none: its frames, which no other has, what is wrong
+    with them in words, and whether that is so of the fingers alone."""
     seen = hand.observed
     if int(seen.sum()) < SHORTEST:
         return
     joints, trusted = filled_keypoints(hand), hand.trust > 0
-    views, shots = seen_from_parts(joints, motion), shots_of(hand, fps)
+    parts = motion.seen_parts if motion.meshes else ()
+    views, shots = tuple(motion.seen_from(q, joints) for q in parts), shots_of(hand, fps)
     track = KeypointTrack(joints, trusted, hand.side, fps, views, shots)
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
         few = find is _repeated or 2 * int(wrong.sum()) <= int(seen.sum())
         if few and bool(wrong.any()):
-            yield Fault(wrong, words, of_fingers)
+            yield wrong, words, of_fingers
             seen = seen & ~wrong
 
 
@@ -127,7 +122,7 @@ class KeypointTrack:
     @cached_property
     def palms(self) -> list[RigidMotion]:
         """The palm as the world sees it, and as each part of the object does."""
-        return [palm_motion(joints, self.trusted) for joints in (self.joints, *self.from_parts)]
+        return [palm_at(joints, self.trusted) for joints in (self.joints, *self.from_parts)]
 
     @property
     def nothing(self) -> Bool[Tensor, " T"]:
@@ -210,22 +205,12 @@ def change_limit(steps: Iterable[Float[np.ndarray, "N 3"]], change: float, fps: 
     return max(change * max(1.0, 30 / fps), BENDS * usual)
 
 
-def seen_from_parts(
-    joints: Float[Tensor, "T 21 3"], motion: ObjectTrack | None
-) -> tuple[Float[Tensor, "T 21 3"], ...]:
-    """Keypoints in the frame of each part of an object that was seen."""
-    if motion is None or not motion.meshes:
-        return ()
-    return tuple(motion.seen_from(part, joints) for part in motion.seen_parts)
-
-
 def curls(
     joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"], side: Side
 ) -> Float[Tensor, " T"]:
     """By how much the fingers bend forward, in lengths of the palm; NaN where nothing is known."""
     known = joints.masked_fill(~trusted[..., None], torch.nan)
-    length = (known[:, KNUCKLES] - known[:, :1]).norm(dim=-1).nanmedian()
-    return finger_curls(known, side) / length
+    return finger_curls(known, side) / palm_length(known)
 
 
 def other_side(track: KeypointTrack) -> Bool[Tensor, " T"]:

@@ -280,7 +280,7 @@ class RecentHand:
         if surface is None:
             return None, whole, torch.zeros_like(whole), None
         if self._chosen.clean_object:
-            palm = palm_at(subject.joints, subject.trust)
+            palm = palm_at(subject.joints, subject.trust > 0)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
             parts, noise = motion.seen_parts, examined.white_noise
             relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, parts]

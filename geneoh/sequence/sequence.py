@@ -144,6 +144,13 @@ class ObjectTrack(Bundle):
         conform(self, "the object")
 
     @property
+    def observed(self) -> Bool[Tensor, "T Q"]:
+        """The poses that were observed, and not filled in."""
+        if self.valid is not None:
+            return self.valid
+        return self.rotation.new_ones(self.rotation.shape[:2], dtype=torch.bool)
+
+    @property
     def is_known(self) -> bool:
         """Whether there is an object at all: its mesh, or a pose of it in some frame."""
         return bool(self.meshes) or self.is_seen

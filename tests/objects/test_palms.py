@@ -38,7 +38,7 @@ def palm_on(motion: ObjectTrack, noise: float = 0.0) -> RigidMotion:
     """The palm of a hand that holds the object, with noise on each keypoint, metres."""
     joints = IN_THE_HAND @ motion.rotation[:, 0].mT + motion.translation
     joints = joints + noise * torch.randn(joints.shape, generator=torch.Generator().manual_seed(1))
-    return palm_at(joints, torch.ones(FRAMES, 21))
+    return palm_at(joints, torch.ones(FRAMES, 21, dtype=torch.bool))
 
 
 def noisy(motion: ObjectTrack, degrees: float, metres: float) -> ObjectTrack:
@@ -107,9 +107,9 @@ def test_keypoints_that_are_not_trusted_tell_nothing():
     joints[70, :] = 0.0
     trust = torch.ones(FRAMES, 21)
     trust[40:50, 9] = trust[70] = 0
-    palm = palm_at(joints, trust)
+    palm = palm_at(joints, trust > 0)
     assert np.flatnonzero(~palm.seen).tolist() == [*range(40, 50), 70]
     assert clean_object(motion, FPS, (palm,))[0] is motion
-    unknown = palm_at(torch.zeros(FRAMES, 21, 3), torch.zeros(FRAMES, 21))
+    unknown = palm_at(torch.zeros(FRAMES, 21, 3), torch.zeros(FRAMES, 21, dtype=torch.bool))
     found, alone = (clean_object(motion, FPS, each)[1].white_noise for each in ((unknown,), ()))
     assert found.tolist() == alone.tolist()

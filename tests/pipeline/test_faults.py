@@ -74,6 +74,13 @@ def test_hands_that_cannot_be_there_are_missing(noisy, wrong, words):
     assert said.endswith("7 frames: taken as missing")
 
 
+def test_a_palm_that_a_tracker_never_finds_has_no_fault(noisy):
+    joints, trust = noisy.hands[0].joints.clone(), torch.ones(noisy.frames, 21)
+    joints[:, PALM], trust[:, PALM] = 0.0, 0.0  # some write zeros where they found nothing
+    given = with_hand(noisy, joints=joints, confidence=trust, pose=None, wrist=None, betas=None)
+    assert without_faults(given)[1] == ()
+
+
 def test_of_two_hands_in_turn_one_is_kept(noisy):
     joints, frames = noisy.hands[0].joints, torch.arange(noisy.frames)[:, None, None]
     for other in (frames % 2 == 1, (frames % 10 < 2) | (frames % 10 == 5)):
