@@ -2,7 +2,9 @@
 
 A hand that holds an object stands still in the object's frame. One that comes late wanders there,
 whenever the object changes its speed, by that change times the delay: of all delays the true one
-makes it wander least.
+makes it wander least. The moments of `geneoh.objects.relative_filter` do not serve in place of this
+search, as they are those of an expansion, which takes six frames of delay for a filter, nor does
+this search in place of them, as it knows whole frames alone and no filters.
 """
 
 from collections.abc import Iterator
