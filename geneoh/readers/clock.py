@@ -102,8 +102,7 @@ class Clock:
         hands = tuple(observed_in(hand, hand.valid & seen) for hand in found.hands)
         motion = found.object
         if not bool(seen.all()):
-            known = seen[:, None].expand(motion.translation.shape[:2])
-            motion = replace(motion, valid=known if motion.valid is None else known & motion.valid)
+            motion = replace(motion, valid=seen[:, None] & motion.observed)
         return replace(found, hands=hands, object=motion), np.rint(rows).astype(int)
 
 

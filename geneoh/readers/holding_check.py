@@ -57,7 +57,7 @@ def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
             "scenes reach; give its places in metres (--keypoint-unit, --focal), and move the "
             "origin near"
         )
-    both = seen[:, None] if motion.valid is None else seen[:, None] & motion.valid
+    both = seen[:, None] & motion.observed
     apart = (wrist[:, None] - motion.translation).norm(dim=-1)
     nearest = float(apart.masked_fill(~both, torch.inf).min())
     if not motion.meshes and POSES_REACH < nearest < torch.inf:

@@ -10,6 +10,7 @@ from torch.nn.functional import normalize
 
 from geneoh.errors import InputError
 from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.keypoints import keypoints_of
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import FARTHEST_SCENE
 
@@ -50,10 +51,7 @@ def seen_from(sequence: Sequence, position: Float[Tensor, "N 3"], name: str) -> 
 
 def wrist_of(hand: HandTrack) -> Float[Tensor, "T 3"]:
     """Places of the wrist in the world, gaps filled."""
-    filled = fill_gaps(hand)
-    wrist = filled.wrist if filled.joints is None else filled.joints[:, 0]
-    assert wrist is not None, "a hand without joints has a wrist"
-    return wrist
+    return keypoints_of(fill_gaps(hand))[:, 0]
 
 
 def of_each_frame(values: Float[Tensor, "N 3"], frames: int, name: str) -> Float[Tensor, "T 3"]:

@@ -72,7 +72,7 @@ def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " 
     gaps = [
         ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
         for part, mesh in enumerate(motion.meshes)
-        if motion.valid is None or bool(motion.valid[:, part].any())
+        if part in motion.seen_parts
     ]
     return torch.stack(gaps).amin(0) if gaps else wrist.new_zeros(hand.frames)
 

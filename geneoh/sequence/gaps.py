@@ -183,8 +183,7 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
         between = observed_around(seen[:, part])
         rotation[:, part] = between.rotations(motion.rotation[:, part : part + 1])[:, 0]
         translation[:, part] = between.points(motion.translation[:, part])
-    valid = seen if motion.valid is None else seen & motion.valid
-    return replace(motion, rotation=rotation, translation=translation, valid=valid)
+    return replace(motion, rotation=rotation, translation=translation, valid=seen & motion.observed)
 
 
 def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
@@ -210,11 +209,9 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
 
 def filled_poses(motion: ObjectTrack) -> Iterator[str]:
     """What a user should know about the poses that `fill_object` filled in."""
-    if motion.valid is None:
-        return
-    for part, count in enumerate((~motion.valid).sum(0).tolist()):
+    for part, count in enumerate((~motion.observed).sum(0).tolist()):
         name = motion.name_of(part)
-        if count == len(motion.valid):
+        if count == len(motion.rotation):
             yield (
                 f"{name} was never seen: it stands still at the origin, and the hand is cleaned "
                 "without it"

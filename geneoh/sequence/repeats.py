@@ -48,8 +48,8 @@ def repeats_told(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -
 
 def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     """Poses that are exactly the one before, between leaps; none where that is rare."""
-    found = torch.zeros(motion.rotation.shape[:2], dtype=torch.bool)
-    seen = torch.ones_like(found) if motion.valid is None else motion.valid.cpu()
+    seen = motion.observed.cpu()
+    found = torch.zeros_like(seen)
     steps = torch.cat([motion.translation, LEVER * motion.rotation.flatten(2)], -1).diff(dim=0)
     stays = (steps == 0).all(-1).cpu() & seen[1:] & seen[:-1]
     for part in range(found.shape[1]):
