@@ -70,7 +70,9 @@ class TemporalAutoencoder(nn.Module):
         near = torch.exp(-relations.distance / HAND_SCALE)
         features = torch.cat(
             [
-                self._place(relations.object_velocity, relations.normals, points),
+                relations.object_velocity / SPEED_SCALE,
+                relations.normals,
+                points / HAND_SCALE,
                 relations.distance / HAND_SCALE,
                 near,
                 relations.tangential / SPEED_SCALE,
@@ -103,10 +105,6 @@ class TemporalAutoencoder(nn.Module):
             differences(velocity * SPEED_SCALE, object_velocity),
             normals,
         )
-
-    @staticmethod
-    def _place(velocity: Tensor, normals: Tensor, points: Tensor) -> Tensor:
-        return torch.cat([velocity / SPEED_SCALE, normals, points / HAND_SCALE], dim=-1)
 
 
 class LatentDenoiser(nn.Module):

@@ -27,13 +27,14 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import ShapedHand
 from geneoh.progress import OnStep, part_of
+from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.windows import blocks, widened
 
 OVERLAP = 60
 """Frames that a block of a long track is solved beyond its own on either side. Terms couple only
 neighbours, but turns that no keypoint shows are felt over some thirty frames."""
 
-PALM = (0, 1, 5, 9, 13, 17)
+RIGID = [0, 1, *KNUCKLES]
 """Keypoints that are rigid when the fingers bend: wrist, thumb base and the four knuckles."""
 LEAST_TRUST = 1e-3
 """Weight of palm keypoints without trust, so that some orientation is found without any."""
@@ -54,9 +55,8 @@ def start_from_keypoints(
     rest = shaped.joints_from_rotations(
         torch.eye(3).to(joints).expand(16, 3, 3), joints.new_zeros(3)
     )
-    palm = list(PALM)
-    weights = trust[..., palm].clamp(min=LEAST_TRUST)
-    turn, origin = kabsch(rest[palm].expand_as(joints[..., palm, :]), joints[..., palm, :], weights)
+    weights, palm = trust[..., RIGID].clamp(min=LEAST_TRUST), joints[..., RIGID, :]
+    turn, origin = kabsch(rest[RIGID].expand_as(palm), palm, weights)
     wrist = torch.where(trust[..., :1] > 0, joints[..., 0, :], origin)
     rotations = torch.cat([turn[..., None, :, :], rotations[..., 1:, :, :]], dim=-3)
     return HandState(rotations, wrist)

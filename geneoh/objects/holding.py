@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION
-from geneoh.objects.smoothing import WINDOW
+from geneoh.objects.smoothing import WINDOW, interpolated
+from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-KNUCKLES = (5, 9, 13, 17)  # keypoints that move with the palm, in whose frame a held object rests
 REACH = 0.05  # metres from a hand's keypoints to the object's box up to which it may hold it
 LAG = 8
 """Frames over which it is asked whether the object rests: drift alone moves it by about as much as
@@ -171,8 +171,7 @@ def could_rest(frame: Frame, smooth: PartTrack) -> Bool[np.ndarray, " N"]:
 
 def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:
     """Values of a track, unknown ones from those around them; infinite if none is known."""
-    frames = np.arange(len(values))
-    return np.interp(frames, frames[known], values[known]) if known.any() else values + np.inf
+    return interpolated(values[:, None], known)[:, 0] if known.any() else values + np.inf
 
 
 def _moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:

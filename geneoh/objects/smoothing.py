@@ -73,8 +73,8 @@ def path_of(rotations: Rotation) -> Float64[np.ndarray, "T 3"]:
 
 
 def interpolated(
-    track: Float64[np.ndarray, "T 3"], known: Bool[np.ndarray, " T"]
-) -> Float64[np.ndarray, "T 3"]:
+    track: Float64[np.ndarray, "T D"], known: Bool[np.ndarray, " T"]
+) -> Float64[np.ndarray, "T D"]:
     """A track whose frames that are not `known` lie on straight lines between those that are."""
     frames, index = np.arange(len(track)), np.flatnonzero(known)
     return np.stack([np.interp(frames, index, x[index]) for x in track.T], axis=1)

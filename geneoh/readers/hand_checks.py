@@ -14,6 +14,7 @@ from geneoh.choices import OTHER_SIDE, Side
 from geneoh.errors import InputError
 from geneoh.readers.joint_orders import shorter_order
 from geneoh.readers.records import Array
+from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.sequence import HandTrack
 from geneoh.sequence.validation import lies_flat
 
@@ -21,8 +22,8 @@ MIDDLE_JOINTS = (2, 5, 8, 11)
 """Second joints of the four fingers, which bend one way only."""
 BACKWARD_LIMIT = 0.05
 """Mean radians that they may bend backward; recordings bend forward by 0.2 and more."""
-KNUCKLES, FINGERTIPS = [5, 9, 13, 17], [8, 12, 16, 20]
-"""Keypoints of the four fingers."""
+FINGERTIPS = [8, 12, 16, 20]
+"""Keypoints at the tips of the four fingers."""
 FINGER_FROM = [start for knuckle in KNUCKLES for start in range(knuckle, knuckle + 3)]
 FINGER_TO = [start + 1 for start in FINGER_FROM]
 """Keypoints at both ends of the bones of these fingers."""

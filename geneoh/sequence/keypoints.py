@@ -7,8 +7,10 @@ from geneoh.geometry.rotations import axes_along, axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
 
-PALM = (0, 5, 9, 13, 17)
-"""Keypoints of the wrist and of the knuckles."""
+KNUCKLES = (5, 9, 13, 17)
+"""Keypoints at the roots of the four fingers."""
+PALM = (0, *KNUCKLES)
+"""Keypoints that move with the palm: the wrist and the knuckles."""
 
 
 def keypoints_of(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
