@@ -1,12 +1,14 @@
-"""What carries a hand through the frames in which it is not seen: the part that it holds."""
+"""The part of an object that a hand holds: what the hand is seen from, and what carries it through
+the frames in which it is not seen."""
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import spread
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rigid import Rigid
-from geneoh.objects.evidence import distance_of_nearest, share_between
+from geneoh.objects.evidence import OFF, TOUCHING, distance_of_nearest, share_between
 from geneoh.sequence.gaps import Carrier, filled_keypoints
 from geneoh.sequence.sequence import HandTrack
 
@@ -14,7 +16,35 @@ HELD, FREE = 0.015, 0.03
 """Distance in metres between surface and nearest keypoint beside a gap: up to the first the hand
 holds what is there, from the second on it does not. Keypoints lie 10 mm inside the hand."""
 AROUND = 6  # frames beside the end of a gap in which a hand is to move with what it holds
+LOOKED, LOOKED_VERTS = 8, 512  # tell whether one part stays at another: frames, vertices
 RESTS = 0.006  # deviation of a part's motion at the hand in them below which it rests, metres
+
+
+def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> MovingSurface:
+    """The object whose first part is the one that the hand is at for longest.
+
+    The stages see a hand from the first part, which must not be what the other hand holds. An
+    object that the hand is nowhere at stays as it is, and so does one whose held part is always at
+    the first one, as a lid or a drawer is: the networks have learned those so.
+    """
+    parts = range(len(surface.fields))
+    if len(parts) == 1:
+        return surface
+    away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
+    held = int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
+    if held == 0 or stays_at_the_first(surface, held):
+        return surface
+    return surface.of_parts(sorted(parts, key=lambda part: part != held))
+
+
+def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
+    """Whether a part is at the first one in all of some frames."""
+    some = surface.at(spread(len(surface.rotation), LOOKED))
+    verts = surface.fields[part].mesh.verts
+    verts = verts[:: max(1, len(verts) // LOOKED_VERTS)].to(some.rotation)
+    places = verts @ some.rotation[:, part].mT + some.translation[:, part, None]
+    apart = some.of_parts([0]).query(places).distance.amin(-1)
+    return bool((apart < TOUCHING).all())
 
 
 def carrier_of(

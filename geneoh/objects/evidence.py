@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d, minimum_filter1d
 from torch import Tensor
 
-from geneoh.bundle import spread
 from geneoh.errors import numbered
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
@@ -46,7 +45,6 @@ TOUCHING, OFF = 0.02, 0.04
 """Distance in metres between surface and nearest keypoint: up to the first the hand may touch the
 object, from the second on not. While they hold, noisy hands are at most 2 cm off in 95 of 100 clips
 but under the noise of a camera, whose errors are tried along its ray."""
-LOOKED, LOOKED_VERTS = 8, 512  # tell whether one part stays at another: frames, vertices
 ALONG = 0.1  # largest error along a camera's ray, metres
 SMOOTHED = 3.0  # deviation, frames at 30 a second, of the filter of keypoints for their distance
 AROUND_TOUCH = 30.0  # frames at 30 a second around each one in which a touch counts
@@ -104,33 +102,6 @@ def evidence_at_hand(
         beside = share_between(away, BESIDE, APART).to(poses)
         shares.append(torch.maximum(poses[:, part], 1 - beside))
     return torch.stack(shares).amin(0)
-
-
-def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> MovingSurface:
-    """The object whose first part is the one that the hand is at for longest.
-
-    The stages see a hand from the first part, which must not be what the other hand holds. An
-    object that the hand is nowhere at stays as it is, and so does one whose held part is always at
-    the first one, as a lid or a drawer is: the networks have learned those so.
-    """
-    parts = range(len(surface.fields))
-    if len(parts) == 1:
-        return surface
-    away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
-    held = int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
-    if held == 0 or stays_at_the_first(surface, held):
-        return surface
-    return surface.of_parts(sorted(parts, key=lambda part: part != held))
-
-
-def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
-    """Whether a part is at the first one in all of some frames."""
-    some = surface.at(spread(len(surface.rotation), LOOKED))
-    verts = surface.fields[part].mesh.verts
-    verts = verts[:: max(1, len(verts) // LOOKED_VERTS)].to(some.rotation)
-    places = verts @ some.rotation[:, part].mT + some.translation[:, part, None]
-    apart = some.of_parts([0]).query(places).distance.amin(-1)
-    return bool((apart < TOUCHING).all())
 
 
 def acceleration_around(

@@ -60,16 +60,8 @@ class PlacePlan:
 class DirectPlan:
     """A stage that answers in one call: it has nothing to choose."""
 
-    def with_steps(self, steps: int) -> "DirectPlan":
-        """The same plan."""
-        return self
 
-    def without_diffusion(self) -> "DirectPlan":
-        """The same plan."""
-        return self
-
-
-Plan = PlacePlan | StagePlan | DirectPlan
+Plan = PlacePlan | StagePlan
 
 
 @dataclass(frozen=True)
@@ -135,8 +127,8 @@ class Preset:
 
     def _with_plans(self, changed: Callable[[Plan], Plan]) -> "Preset":
         plans = {"motion": self.motion, "spatial": self.spatial, "temporal": self.temporal}
-        kept = {stage: changed(plan) for stage, plan in plans.items() if plan is not None}
-        return replace(self, **kept)
+        chosen = {stage: changed(p) for stage, p in plans.items() if isinstance(p, Plan)}
+        return replace(self, **chosen)
 
 
 def preset(name: PresetName) -> Preset:

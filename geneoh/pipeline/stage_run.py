@@ -13,7 +13,8 @@ from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
-from geneoh.objects.evidence import blended, evidence_of_place, with_held_part_first
+from geneoh.objects.carrying import with_held_part_first
+from geneoh.objects.evidence import blended, evidence_of_place
 from geneoh.pipeline.alone import hand_alone
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.jitter import without_jitter, without_jitter_over_object
