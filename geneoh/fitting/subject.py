@@ -1,4 +1,4 @@
-"""The subject of a track: the hand's shape, its keypoints, and parameters to start from."""
+"""What the stages know of a hand: its shape, its keypoints, and parameters to start from."""
 
 from dataclasses import dataclass, replace
 

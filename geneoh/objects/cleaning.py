@@ -269,13 +269,8 @@ def step_limit(steps: np.ndarray, change: float, fps: float) -> float:
 
 def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:
     """The steps (N, 3) between neighbouring frames, each after the best rotation onto itself."""
-    onto = [symmetry.nearest(b, a[None])[0][0] for a, b in pairwise(turns)]
-    return np.stack(
-        [
-            Rotation.from_matrix(a.T @ b @ onto[i]).as_rotvec()
-            for i, (a, b) in enumerate(pairwise(turns))
-        ]
-    )
+    each = [a.T @ b @ symmetry.nearest(b, a[None])[0][0] for a, b in pairwise(turns)]
+    return Rotation.from_matrix(np.stack(each)).as_rotvec()
 
 
 def quietest(lengths: Float64[np.ndarray, " N"]) -> float:

@@ -1,4 +1,4 @@
-"""How much of the noise of a part's poses drifts, beside the white noise that they have.
+"""How much of the noise of a part's poses drifts, which `geneoh.objects.refine` takes out of them.
 
 Where a part rests in the world the two differ, and it may rest wherever drift as large as the white
 noise explains its track better than motion does. There the likelihoods of the track with drift and

@@ -1,4 +1,4 @@
-"""How far an object's track can be relied on, frame by frame: what falls back to the hand's own.
+"""How far a hand is cleaned against its object, frame by frame, and how far by itself.
 
 Cleaning takes the white noise out of the object's poses, and not what lasts. A pose that is off by
 more than contact says nothing about contact.

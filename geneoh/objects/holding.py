@@ -1,6 +1,8 @@
-"""What an object may rest in: the world, where it lies, and hands, which hold it, rigidly or
-loosely: then it stays about one grip, give or take what it was seen to move in the hand beyond its
-noise."""
+"""What `geneoh.objects.refine` takes for rest: an object lies in the world, or a hand holds it.
+
+A hand may hold it loosely: then it stays about one grip, give or take what it was seen to move in
+the hand beyond its noise.
+"""
 
 from dataclasses import dataclass
 

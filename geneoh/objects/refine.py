@@ -1,4 +1,4 @@
-"""Hands and object together: what lasts of the object's noise, told apart by the hands and by rest.
+"""The object's track beside clean hands (`--refine-object`), without what lasts of its noise.
 
 Drifting noise looks like motion, but an object moves for one reason only: a hand moves it. So the
 track and a drift of its observation are solved for together, by least squares over all frames:

@@ -1,4 +1,4 @@
-"""By what low-pass filter do the object and the hand that moves it differ?
+"""The low-pass filter by which an object and the hand that moves it differ, measured.
 
 Many pipelines smooth the poses of an object, by a Kalman or a low-pass filter, and leave the hand
 as it is, or the other way round. What was filtered cuts every change of speed short, or comes late,

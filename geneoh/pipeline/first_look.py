@@ -18,6 +18,8 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 
 SECONDS = 2.0  # looked at, from the first frame with the hand on: a delay needs as many
 ORDER_FRAMES = 10  # frames with the hand after which an order of the keypoints is certain
+ORDER = "give them in OpenPose order"
+"""What to do about keypoints in another order, which no option of a stream names."""
 REPEATED = "as of a sensor that is slower than the hand's; give no pose in these frames"
 """What to do about repeated poses: a stream cannot know how many are to come."""
 
@@ -41,7 +43,7 @@ class FirstLook:
             return ()
         frames = [*self._frames, seen]
         if seen.hand and sum(frame.hand is not None for frame in frames) == ORDER_FRAMES:
-            refuse_order(_hand_of(frames), where)
+            refuse_other_order(_hand_of(frames), where, ORDER)
         if len(frames) < round(SECONDS * self._fps):
             self._frames = frames
             return ()
@@ -62,7 +64,7 @@ class FirstLook:
         motion = concatenated([frame.object for frame in frames])
         motion = fill_object(replace(motion, meshes=self._meshes))
         hand, lost = without_faults_of(_hand_of(frames), self._fps, motion)
-        refuse_order(hand, where)
+        refuse_other_order(hand, where, ORDER)
         try:
             # a hand may come near later, but from so far away none does
             if least_distance(hand, motion) > POSES_REACH:
@@ -78,11 +80,6 @@ class FirstLook:
                 "known of contact; give the object's poses",
             )
         return tuple(map(without_options, found))
-
-
-def refuse_order(hand: HandTrack, where: str) -> None:
-    """`InputError` where the keypoints are certainly in another order, which no option names."""
-    refuse_other_order(hand, where, "give them in OpenPose order")
 
 
 def _hand_of(frames: list[Observed]) -> HandTrack:
