@@ -18,15 +18,9 @@ from geneoh.objects.evidence import blended, evidence_of_place
 from geneoh.pipeline.alone import hand_alone
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.jitter import without_jitter, without_jitter_over_object
+from geneoh.pipeline.paper_stages import denoise_latent, denoise_relations, denoise_trajectory
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
-from geneoh.pipeline.stages import (
-    denoise_latent,
-    denoise_motion,
-    denoise_relations,
-    denoise_spatial,
-    denoise_temporal,
-    denoise_trajectory,
-)
+from geneoh.pipeline.stages import denoise_motion, denoise_spatial, denoise_temporal
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks

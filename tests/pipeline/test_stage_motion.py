@@ -11,8 +11,9 @@ from torch import Tensor
 
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
+from geneoh.pipeline.paper_stages import denoise_trajectory
 from geneoh.pipeline.presets import StagePlan
-from geneoh.pipeline.stages import denoise_motion, denoise_trajectory
+from geneoh.pipeline.stages import denoise_motion
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.window_scale import WindowScale
 

@@ -14,8 +14,9 @@ from geneoh.denoisers.sliding import INDEPENDENT
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.paper_stages import denoise_relations
 from geneoh.pipeline.presets import PlacePlan, StagePlan
-from geneoh.pipeline.stages import denoise_relations, denoise_spatial
+from geneoh.pipeline.stages import denoise_spatial
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.spatial import SpatialRelations
 

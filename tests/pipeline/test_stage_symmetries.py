@@ -16,13 +16,9 @@ from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.fitting.align import AlignConfig
 from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.paper_stages import denoise_latent, denoise_relations, denoise_trajectory
 from geneoh.pipeline.presets import StagePlan
-from geneoh.pipeline.stages import (
-    denoise_latent,
-    denoise_relations,
-    denoise_temporal,
-    denoise_trajectory,
-)
+from geneoh.pipeline.stages import denoise_temporal
 
 STAGES = ("trajectory", "relations", "temporal", "latent")
 

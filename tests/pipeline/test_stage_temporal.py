@@ -12,7 +12,8 @@ from geneoh.denoisers.latent import LatentConfig, LatentDenoiser
 from geneoh.denoisers.temporal import StepCorrection, TemporalConfig, TemporalDenoiser
 from geneoh.fitting.align import AlignConfig
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.stages import ALIGN_POINTS, denoise_latent, denoise_temporal
+from geneoh.pipeline.paper_stages import ALIGN_POINTS, denoise_latent
+from geneoh.pipeline.stages import denoise_temporal
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
 ALIGN = AlignConfig(steps=20)

@@ -4,7 +4,8 @@ import torch
 
 from geneoh.diffusion.posterior import Posterior
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.stages import _closest, _width_of_place
+from geneoh.pipeline.paper_stages import _closest
+from geneoh.pipeline.stages import _width_of_place
 
 
 def scene_of(frames: int, parts: int = 2) -> StageContext:
