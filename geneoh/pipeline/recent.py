@@ -6,7 +6,7 @@ already, so that no seam shows.
 """
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -19,21 +19,20 @@ from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.mesh import Mesh
 from geneoh.hand.model import HandModel
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_at
-from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.faults import without_faults_of
 from geneoh.pipeline.observed import Observed, lost_like
-from geneoh.pipeline.presets import PlacePlan, Preset
+from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import FoundRay, found_ray
+from geneoh.pipeline.recent_place import ChangingShift, RecentRun
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
-from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import timed
-from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import fill_gaps, fill_object
 from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
@@ -42,11 +41,6 @@ from geneoh.sequence.windows import WINDOW
 HOP = 7
 """Frames between two runs of the stages, at most. The last of them has so many frames less after it
 than the lag."""
-PLACE_EVERY = 15  # frames between two runs of SpatialDiff, over which its shift changes
-LEAST_PLACED = WINDOW // 2
-"""Frames below which SpatialDiff is not asked. Of 10 frames of the example with noise "gauss" it
-makes 15.3 mm where MotionDiff alone leaves 9.2; of 30 frames 10.8 and 10.2."""
-PLACE_BLEND = 0.6  # share of a new shift of SpatialDiff beside those before
 FIRST_SHARE = 0.7
 """Share of a newer window in the target of the first frame that an older one has seen too; it grows
 to all of it over `HOP` frames."""
@@ -56,55 +50,12 @@ AHEAD = 2  # frames after those that are asked for which the fit sees as well
 SETTLED = WINDOW  # observed frames after which the shape of the hand is kept
 
 
-@dataclass
-class ChangingShift:
-    """The shift of SpatialDiff, of each sample: it changes slowly from one answer to the next."""
-
-    before: Float[Tensor, "S 1 3"]
-    after: Float[Tensor, "S 1 3"]
-    since: int = -PLACE_EVERY  # frame from which on it changes, over `PLACE_EVERY` frames
-    width: float = 0.0  # deviation of the last answer, metres
-
-    def at(self, frames: Float[Tensor, " T"]) -> Float[Tensor, "S T 3"]:
-        """The shift in some frames."""
-        share = ((frames - self.since) / PLACE_EVERY).clamp(0, 1)[:, None]
-        return self.before + share * (self.after - self.before)
-
-    def learn(self, shift: Float[Tensor, "S 1 3"], width: float, now: int) -> None:
-        """Take a new answer, which counts from a frame on."""
-        self.before = self.at(shift.new_tensor([float(now)]))
-        self.after = self.after + PLACE_BLEND * (shift - self.after)
-        self.since, self.width = now, width
-
-
-@dataclass(frozen=True)
-class RecentRun(StageRun):
-    """The stages of one window, which ask SpatialDiff now and then only."""
-
-    place: ChangingShift
-    first: int  # frame that the window begins with
-    done: int  # frame that is to be made next
-
-    def placed(
-        self, observed: HandParameters, hand: HandParameters, context: StageContext, plan: PlacePlan
-    ) -> tuple[HandParameters, Float[Tensor, " T"]]:
-        """The samples moved by the shift of SpatialDiff, which is asked where it has not been."""
-        enough = context.frames >= LEAST_PLACED
-        if enough and self.done - self.place.since >= PLACE_EVERY:
-            found, width = super().placed(observed, hand, context, plan)
-            # the shift is the same in all frames of one window
-            self.place.learn((found.wrist - hand.wrist)[:, :1], float(width[0]), self.done)
-        frames = (torch.arange(context.frames) + self.first).to(hand.wrist)
-        moved = replace(hand, wrist=hand.wrist + self.place.at(frames))
-        return moved, torch.full_like(frames, self.place.width)
-
-
 class RecentHand:
     """The last two seconds of one hand and its object, and the frames that wait to be taken."""
 
     def __init__(
         self,
-        motion: ObjectTrack,
+        meshes: tuple[Mesh, ...],
         surface: MovingSurface | None,
         model: HandModel,
         denoisers: Denoisers,
@@ -113,9 +64,9 @@ class RecentHand:
         lag: int,
         seed: int,
     ) -> None:
-        """Begin without frames. `surface` is the object of `motion`, of which no frame is read,
-        with its search trees, or None without a mesh; `model` is the right hand."""
-        self._meshes, self._surface, self._model = motion.meshes, surface, model
+        """Begin without frames. `surface` has the search trees of the meshes, and is None without
+        any; of its motion no frame is read. `model` is the right hand."""
+        self._meshes, self._surface, self._model = meshes, surface, model
         self._denoisers, self._chosen, self._lag = denoisers, chosen, lag
         self._generator = torch.Generator().manual_seed(seed)
         self._new: list[Observed] = []
@@ -221,13 +172,8 @@ class RecentHand:
         """The parts of the object that were seen, in a motion; None without any."""
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None
-        parts = motion.seen_parts
-        return MovingSurface(
-            tuple(self._surface.fields[part] for part in parts),
-            motion.rotation[:, parts],
-            motion.translation[:, parts],
-            self._surface.within,
-        )
+        moved = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
+        return moved.of_parts(motion.seen_parts)
 
     def _subject(self, track: HandTrack, surface: MovingSurface | None) -> Subject:
         """The hand of the window, whose shape is kept when enough was seen of it."""
@@ -284,8 +230,8 @@ class RecentHand:
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
             parts, noise = motion.seen_parts, examined.white_noise
             relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, parts]
-            rotation, translation = motion.rotation[:, parts], motion.translation[:, parts]
-            surface = replace(surface, rotation=rotation, translation=translation)
+            clean = motion.of_parts(parts)
+            surface = replace(surface, rotation=clean.rotation, translation=clean.translation)
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 

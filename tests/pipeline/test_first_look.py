@@ -8,8 +8,8 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.pipeline.first_look import FirstLook
+from geneoh.pipeline.frame_reader import FrameReader
 from geneoh.pipeline.observed import Observed
-from geneoh.pipeline.stream import Stream
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.sequence.resample import with_hands_earlier
 
@@ -19,12 +19,12 @@ def seen(noisy):
     """What a look says of the recording's first frames, changed, and of which frame it says so."""
 
     def look(change=lambda joints, turn, place: (joints, turn, place), *, side="left", frames=90):
-        stream = Stream(noisy.object.meshes, side=side)
+        reader = FrameReader(side, noisy.object.meshes, None, None)
         first, motion = FirstLook(noisy.object.meshes, 30.0), noisy.object
         for frame in range(frames):
             joints = noisy.hands[0].joints[frame]
             joints, *pose = change(joints, motion.rotation[frame], motion.translation[frame])
-            given = Observed(stream._hand(joints, ""), stream._object(tuple(pose) or None, ""))
+            given = reader.observed(joints, tuple(pose) or None, "")
             if said := first.push(given, f"frame {frame}"):
                 return frame, said
         return frames, first.end("the end")
@@ -60,10 +60,10 @@ def test_the_other_side_is_told(seen):
 def test_a_late_hand_is_told_without_an_option_that_no_stream_has(clean):
     mended = "than the object that it holds; give it the object's poses of its own time"
     late = with_hands_earlier(clean, -5)
-    stream = Stream(clean.object.meshes, side="left")
+    reader = FrameReader("left", clean.object.meshes, None, None)
     first, motion, said = FirstLook(clean.object.meshes, 30.0), late.object, ()
     for frame in range(clean.frames):
-        pose = stream._object((motion.rotation[frame], motion.translation[frame]), "")
+        pose = reader.object((motion.rotation[frame], motion.translation[frame]), "")
         said += first.push(Observed(late.hands[0][frame : frame + 1], pose), "")
     assert any(words.endswith(mended) for words in said), said
 
@@ -92,10 +92,10 @@ def test_frames_before_the_hand_is_seen_do_not_count(seen):
 
 
 def test_poses_of_a_slower_sensor_are_told(clean):
-    stream = Stream(clean.object.meshes, side="left")
+    reader = FrameReader("left", clean.object.meshes, None, None)
     first, motion = FirstLook(clean.object.meshes, 30.0), clean.object
     for frame in range(40, 100):
         seen = frame // 2 * 2
-        pose = stream._object((motion.rotation[seen], motion.translation[seen]), "")
+        pose = reader.object((motion.rotation[seen], motion.translation[seen]), "")
         said = first.push(Observed(clean.hands[0][frame : frame + 1], pose), "")
     assert any("repeats the one before" in words for words in said), said

@@ -16,7 +16,8 @@ from geneoh.denoisers.library import Denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.pipeline import recent
 from geneoh.pipeline import stream as stream_module
-from geneoh.pipeline.recent import RecentHand, RecentRun
+from geneoh.pipeline.recent import RecentHand
+from geneoh.pipeline.recent_place import RecentRun
 from geneoh.pipeline.stream import CleanFrame, Stream
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
