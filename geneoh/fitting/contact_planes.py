@@ -7,10 +7,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.fitting.fit_config import FitConfig
-from geneoh.fitting.terms import (
-    HandState,
-    Planes,
-)
+from geneoh.fitting.terms import HandState, Planes
 from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 from geneoh.hand.model import ShapedHand
@@ -65,7 +62,7 @@ def contact_planes(
 
     Other vertices near the object have no weight. `evidence` is that of `fit_hand`.
     """
-    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    verts = state.verts(shaped)
     bone = shaped.model.skin_weights.argmax(-1)
     found = way_out(verts, bone, near.surface, near.query(verts))
     distance, index = found.distance.topk(config.surface_verts, dim=-1, largest=False)
@@ -86,7 +83,7 @@ def planes_apart(
     state: HandState, shaped: ShapedHand, config: FitConfig, *, other: ChangingSurface
 ) -> Planes:
     """Planes that push vertices half the way out of the other hand, which goes the other half."""
-    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    verts = state.verts(shaped)
     bone = shaped.model.skin_weights.argmax(-1)
     # by the nearest ways hands that mirror each other would go on together
     found = way_out(verts, bone, other, other.query(verts), agreement=1.0)

@@ -31,6 +31,14 @@ class HandState(Bundle):
         turn = axis_angle_to_matrix(step[..., :48].unflatten(-1, (16, 3)))
         return HandState(self.rotations @ turn, self.wrist + step[..., 48:])
 
+    def joints(self, shaped: ShapedHand) -> Float[Tensor, "S T 21 3"]:
+        """Keypoints of a hand in this state."""
+        return shaped.joints_from_rotations(self.rotations, self.wrist)
+
+    def verts(self, shaped: ShapedHand) -> Float[Tensor, "S T V 3"]:
+        """Vertices of a hand in this state."""
+        return shaped.verts_from_rotations(self.rotations, self.wrist).verts
+
     @property
     def pose(self) -> Float[Tensor, "S T 16 3"]:
         """Axis-angle of every joint."""

@@ -8,7 +8,7 @@ from torch import Tensor
 from geneoh.bundle import spread
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rigid import Rigid
-from geneoh.objects.evidence import OFF, TOUCHING, distance_of_nearest, share_between
+from geneoh.objects.evidence import OFF, TOUCHING, distance_of_parts, share_between
 from geneoh.sequence.gaps import Carrier, filled_keypoints
 from geneoh.sequence.sequence import HandTrack
 
@@ -27,14 +27,13 @@ def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
     object that the hand is nowhere at stays as it is, and so does one whose held part is always at
     the first one, as a lid or a drawer is: the networks have learned those so.
     """
-    parts = range(len(surface.fields))
-    if len(parts) == 1:
+    if len(surface.fields) == 1:
         return surface
-    away = [distance_of_nearest(joints, surface.of_parts([part])) for part in parts]
-    held = int(share_between(torch.stack(away), TOUCHING, OFF).mean(1).argmax())
+    away = distance_of_parts(joints, surface)
+    held = int(share_between(away, TOUCHING, OFF).mean(0).argmax())
     if held == 0 or stays_at_the_first(surface, held):
         return surface
-    return surface.of_parts(sorted(parts, key=lambda part: part != held))
+    return surface.of_parts(sorted(range(away.shape[1]), key=lambda part: part != held))
 
 
 def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
@@ -61,9 +60,8 @@ def carrier_of(
     beside = torch.nonzero(seen & (lost[:-2] | lost[2:]))[:, 0]
     if len(beside) == 0:
         return None
-    joints, there = filled_keypoints(hand), surface.at(beside)
-    parts = [there.of_parts([part]) for part in range(len(surface.fields))]
-    away = torch.stack([distance_of_nearest(joints[beside], each) for each in parts], 1)
+    joints = filled_keypoints(hand)
+    away = distance_of_parts(joints[beside], surface.at(beside))
     part = int(away.mean(0).argmin())
     pose = Rigid(surface.rotation[:, part], surface.translation[:, part])
     share = torch.zeros_like(relied[:, part])

@@ -96,12 +96,8 @@ def evidence_at_hand(
     """
     if poses.shape[1] == 1 or bool((poses == 1).all()):
         return poses.amin(1)
-    shares = []
-    for part in range(poses.shape[1]):
-        away = distance_of_nearest(joints, surface.of_parts([part]))
-        beside = share_between(away, BESIDE, APART).to(poses)
-        shares.append(torch.maximum(poses[:, part], 1 - beside))
-    return torch.stack(shares).amin(0)
+    beside = share_between(distance_of_parts(joints, surface), BESIDE, APART).to(poses)
+    return torch.maximum(poses, 1 - beside).amin(1)
 
 
 def acceleration_around(
@@ -230,6 +226,14 @@ def distance_of_nearest(
     surface = replace(surface, within=APART)
     found = [surface.at(some).query(points[some]).distance for some in blocks(len(points))]
     return torch.cat(found).nan_to_num(math.inf).amin(-1).clamp(0, APART)
+
+
+def distance_of_parts(
+    points: Float[Tensor, "T P 3"], surface: MovingSurface
+) -> Float[Tensor, "T Q"]:
+    """The same from each part of the object."""
+    parts = (surface.of_parts([part]) for part in range(len(surface.fields)))
+    return torch.stack([distance_of_nearest(points, part) for part in parts], dim=1)
 
 
 def share_between(

@@ -80,7 +80,7 @@ def measure_hand(
     `within`."""
 
     def verts_of(frames: slice) -> Float[Tensor, "N V 3"]:
-        return shaped.verts_from_rotations(state.rotations[0, frames], state.wrist[0, frames]).verts
+        return state[frames].verts(shaped)[0]
 
     if surface is not None:
         model = shaped.model

@@ -62,7 +62,7 @@ class FittedHand:
         input is keypoints alone those that it has on the hand, but not for the paper's fit."""
         state, shaped, fit = self.state, self.shaped, self.preset.fit
         if self.subject.start is not None or not isinstance(fit, FitConfig):
-            return shaped.joints_from_rotations(state.rotations, state.wrist)[0]
+            return state.joints(shaped)[0]
         free = state
         trust = torch.ones_like(self.target[..., 0])
         if self.surface is not None and self.preset.contact:  # contact is no part of the skeleton
@@ -75,8 +75,7 @@ class FittedHand:
         or of the input where that was `given`."""
         shaped, state = (self.subject.shaped, self.given) if given else (self.shaped, self.state)
         state = state[frames]
-        verts = shaped.verts_from_rotations(state.rotations[0], state.wrist[0]).verts
-        return self.seen(ChangingSurface(verts, shaped.model.faces))
+        return self.seen(ChangingSurface(state.verts(shaped)[0], shaped.model.faces))
 
     def seen(self, skin: ChangingSurface) -> ChangingSurface:
         """A skin of the world as this hand sees it, and back."""

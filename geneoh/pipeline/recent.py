@@ -265,7 +265,7 @@ class RecentHand:
         trust = torch.ones_like(wanted[..., 0])
         if self._out is not None:
             start = concatenated([self._out, start[held:]])
-            wanted[:, :held] = _joints(subject, self._out)
+            wanted[:, :held] = self._out.joints(subject.shaped)
             trust[:, :held] = HOLD
         assert isinstance(self._chosen.fit, FitConfig), "Stream refuses others"
         state = fit_hand(
@@ -279,14 +279,10 @@ class RecentHand:
         )
         state = state[held : held + stop - self._done]
         self._out = (state if self._out is None else concatenated([self._out, state]))[-HELD:]
-        return state, _joints(subject, state)[0]
+        return state, state.joints(subject.shaped)[0]
 
 
 def frames_alike(one: HandTrack, other: HandTrack) -> int:
     """How many frames at the start of two tracks of a hand are the same."""
     differ = (one.trust != other.trust).any(-1).nonzero()
     return int(differ[0]) if len(differ) else one.frames
-
-
-def _joints(subject: Subject, state: HandState) -> Float[Tensor, "S T 21 3"]:
-    return subject.shaped.joints_from_rotations(state.rotations, state.wrist)
