@@ -6,6 +6,7 @@ alone does not tell which of them comes late: there the object is relied on less
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -13,11 +14,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from geneoh.geometry.rotations import (
-    axis_angle_to_matrix,
-    matrix_to_axis_angle,
-    nearest_rotations,
-)
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, nearest_rotations
 from geneoh.objects.cleaning import ObjectExamination
 from geneoh.objects.evidence import placed_vertices
 from geneoh.objects.palms import RigidMotion, palm_of
@@ -79,7 +76,7 @@ def sharpened_hand(
     """A hand and its palm without the filter that they went through, and it; None for none."""
     whole = None
     for _ in range(ROUNDS):
-        every = [c for part in parts if (c := compared(motion, part, palm, fps)) is not None]
+        every = filter(None, (compared(motion, part, palm, fps) for part in parts))
         best = max(every, key=lambda c: c.of_palm.explained, default=None)
         if best is None or (found := best.filter_of_palm) is None:
             break
@@ -95,7 +92,7 @@ def sharpened_part(
     metres, and what is to be said."""
 
     def best(motion: ObjectTrack) -> Comparison | None:
-        every = [c for palm in palms if (c := compared(motion, part, palm, fps)) is not None]
+        every = filter(None, (compared(motion, part, palm, fps) for palm in palms))
         return max(every, key=lambda c: c.of_part.explained, default=None)
 
     given, name = motion, motion.name_of(part)
@@ -124,17 +121,13 @@ def without_filter_of_part(
 
 def without_filter_of_hand(hand: HandTrack, found: LowPass, fps: float) -> HandTrack:
     """The hand with a filter undone, in its gaps after they were filled."""
-    filled = fill_gaps(hand)
-    joints, pose, wrist = filled.joints, filled.pose, filled.wrist
-    if pose is not None:
-        turns = nearest_rotations(found.undone(axis_angle_to_matrix(pose), fps))
-        pose = matrix_to_axis_angle(turns)
-    return replace(
-        hand,
-        joints=None if joints is None else found.undone(joints, fps),
-        pose=pose,
-        wrist=None if wrist is None else found.undone(wrist, fps),
-    )
+    undone = partial(found.undone, fps=fps)
+
+    def turned(pose: Tensor) -> Tensor:
+        return matrix_to_axis_angle(nearest_rotations(undone(axis_angle_to_matrix(pose))))
+
+    sharp = fill_gaps(hand).changed(joints=undone, pose=turned, wrist=undone)
+    return replace(hand, joints=sharp.joints, pose=sharp.pose, wrist=sharp.wrist)
 
 
 def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Float[Tensor, " T"]:

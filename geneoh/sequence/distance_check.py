@@ -46,8 +46,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
 def in_other_axes(hand: HandTrack) -> HandTrack:
     """The keypoints and wrist with y and z negated, as between cameras of OpenCV and OpenGL."""
     flip = torch.tensor([1.0, -1.0, -1.0], device=hand.valid.device)
-    turned = {"joints": hand.joints, "wrist": hand.wrist}
-    return replace(hand, **{name: at * flip for name, at in turned.items() if at is not None})
+    return hand.changed(joints=flip.mul, wrist=flip.mul)
 
 
 def inverted(motion: ObjectTrack) -> ObjectTrack:

@@ -109,15 +109,14 @@ def fill_gaps(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
 
 def moved(hand: HandTrack, pose: Rigid) -> HandTrack:
     """The hand after a motion of each frame; nothing else of the track changes."""
-    joints, wrist, turned = hand.joints, hand.wrist, hand.pose
-    if joints is not None:
-        joints = pose.apply(joints)
-    if wrist is not None:
-        wrist = pose.apply(wrist[:, None])[:, 0]
-    if turned is not None:
-        whole = matrix_to_axis_angle(pose.rotation @ matrices(turned[:, 0]))
-        turned = torch.cat([whole[:, None], turned[:, 1:]], dim=1)
-    return replace(hand, pose=turned, wrist=wrist, joints=joints)
+
+    def turned(old: Tensor) -> Tensor:
+        whole = matrix_to_axis_angle(pose.rotation @ matrices(old[:, 0]))
+        return torch.cat([whole[:, None], old[:, 1:]], dim=1)
+
+    return hand.changed(
+        pose=turned, wrist=lambda old: pose.apply(old[:, None])[:, 0], joints=pose.apply
+    )
 
 
 def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:

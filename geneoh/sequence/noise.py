@@ -112,19 +112,17 @@ def perturbed(
 
     Its expected error, `joint_spread`, is not known any more.
     """
-    turn = offsets[:, 3:].unflatten(-1, (16, 3))
-    pose = None if hand.pose is None else hand.pose + turn
-    wrist = None if hand.wrist is None else hand.wrist + offsets[:, :3]
-    joints = None if hand.joints is None else noisy_joints(hand, turn, offsets[:, :3])
-    lost, valid = ~keep, hand.valid & keep
+    shift, turn = offsets[:, :3], offsets[:, 3:].unflatten(-1, (16, 3))
 
-    def blank(values: Tensor | None) -> Tensor | None:
-        if values is None:
-            return None
-        return torch.where(lost.reshape(-1, *[1] * (values.ndim - 1)), math.nan, values)
+    def kept(values: Tensor) -> Tensor:
+        return torch.where(keep.reshape(-1, *[1] * (values.ndim - 1)), values, math.nan)
 
-    pose, wrist, joints = (blank(values) for values in (pose, wrist, joints))
-    return replace(hand, valid=valid, pose=pose, wrist=wrist, joints=joints, joint_spread=None)
+    noisy = hand.changed(
+        pose=lambda pose: kept(pose + turn),
+        wrist=lambda wrist: kept(wrist + shift),
+        joints=lambda _: kept(noisy_joints(hand, turn, shift)),
+    )
+    return replace(noisy, valid=hand.valid & keep, joint_spread=None)
 
 
 def noisy_joints(

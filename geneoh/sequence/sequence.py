@@ -1,5 +1,6 @@
 """One interaction: up to two hands and one object of rigid parts over T frames, metres, radians."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,14 +90,14 @@ class HandTrack(Bundle):
 
     def mirrored(self) -> "HandTrack":
         """The reflection x -> -x of this track: a left hand becomes a right one and back."""
-        return replace(
-            self,
-            side=OTHER_SIDE[self.side],
-            joints=None if self.joints is None else mirror_points(self.joints),
-            pose=None if self.pose is None else mirror_axis_angle(self.pose),
-            wrist=None if self.wrist is None else mirror_points(self.wrist),
-            camera_ray=None if self.camera_ray is None else mirror_points(self.camera_ray),
-        )
+        points = dict.fromkeys(("joints", "wrist", "camera_ray"), mirror_points)
+        found = self.changed(pose=mirror_axis_angle, **points)
+        return replace(found, side=OTHER_SIDE[self.side])
+
+    def changed(self, **how: Callable[[Tensor], Tensor]) -> "HandTrack":
+        """The track with functions applied to some of its fields, as far as it has them."""
+        known = {name: getattr(self, name) for name in how}
+        return replace(self, **{n: how[n](old) for n, old in known.items() if old is not None})
 
 
 def refuse_unknown_model(hand_model: str | None, where: str) -> None:
