@@ -4,7 +4,7 @@ The smoother of the two is the one that was filtered (`geneoh.objects.relative_f
 alone does not tell which of them comes late: there the object is relied on less.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,10 +20,13 @@ from geneoh.objects.evidence import placed_vertices
 from geneoh.objects.palms import RigidMotion, palm_of
 from geneoh.objects.relative_filter import Comparison, LowPass, compared
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.resample import with_hands_earlier
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 ROUNDS = 3
 """How often what is left of a filter is looked for in the sharpened track again."""
+LONG = 0.1
+"""Seconds of a delay from which on `geneoh.objects.relative_filter` may take it for a filter."""
 LEFT, AROUND = 0.4, 0.1
 """Share of a correction by which the sharpened track is still off, 0.3 to 0.5 for Gaussian filters
 of three and six frames at 30 a second, less for filters that come late; and deviation in seconds of
@@ -45,6 +48,7 @@ class Sharpened:
 def sharpened(
     hands: tuple[HandTrack, ...],
     palms: tuple[RigidMotion, ...],
+    delays: tuple[int, ...],
     motion: ObjectTrack,
     examined: ObjectExamination,
     fps: float,
@@ -53,21 +57,37 @@ def sharpened(
 
     Parts whose own track is noisy stay as they are, and tell nothing of hands: they were smoothed
     because of that. `motion` is the track after cleaning (`geneoh.objects.cleaning`), and `palms`
-    are those of the hands.
+    are those of the hands. `delays` are the frames by which hands seem to come later than what they
+    hold; where these are many and hands without them differ from it by no filter, none is undone.
     """
     parts = [part for part in motion.seen_parts if not bool(examined.is_noisy[part])]
     notes, sharp, moved = list[str](), list[HandTrack](), list[RigidMotion]()
-    for hand, palm in zip(hands, palms, strict=True):
+    late = list[tuple[RigidMotion, LowPass]]()
+    for hand, palm, delay in zip(hands, palms, delays, strict=True):
+        if abs(delay) > LONG * fps and only_late(hand, delay, motion, parts, fps):
+            sharp.append(hand)
+            late.append((palm, LowPass(-delay / fps, 0.0)))
+            continue
         other, palm, found = sharpened_hand(hand, palm, motion, parts, fps)
         sharp.append(other)
         moved.append(palm)
         notes += [] if found is None else [of_hand(hand, found)]
     off = torch.zeros_like(examined.confidence)
     for part in parts:
-        motion, left, said = sharpened_part(motion, part, moved, fps)
+        apart = (by for palm, by in late if compared(motion, part, palm, fps))
+        motion, left, said = sharpened_part(motion, part, moved, fps, next(apart, None))
         off[:, part] = left.to(off)
         notes += said
     return Sharpened(tuple(sharp), motion, off, tuple(notes))
+
+
+def only_late(
+    hand: HandTrack, delay: int, motion: ObjectTrack, parts: list[int], fps: float
+) -> bool:
+    """Whether hand and object differ by no filter once the hand comes `delay` frames earlier."""
+    palm = palm_of(with_hands_earlier(Sequence((hand,), motion, fps), delay).hands[0])
+    every = [found for part in parts if (found := compared(motion, part, palm, fps))]
+    return all(found.filter_of_palm is None is found.filter_of_part for found in every)
 
 
 def sharpened_hand(
@@ -86,10 +106,14 @@ def sharpened_hand(
 
 
 def sharpened_part(
-    motion: ObjectTrack, part: int, palms: Sequence[RigidMotion], fps: float
+    motion: ObjectTrack,
+    part: int,
+    palms: Iterable[RigidMotion],
+    fps: float,
+    late: LowPass | None = None,
 ) -> tuple[ObjectTrack, Float[Tensor, " T"], list[str]]:
     """The track without the filter that a part went through, how far its poses may still be off,
-    metres, and what is to be said."""
+    metres, and what is to be said. `late` is its delay beside a hand that holds it, if known."""
 
     def best(motion: ObjectTrack) -> Comparison | None:
         every = filter(None, (compared(motion, part, palm, fps) for palm in palms))
@@ -97,9 +121,10 @@ def sharpened_part(
 
     given, name = motion, motion.name_of(part)
     whole, seen = LowPass(0.0, 0.0), best(motion)
-    if seen is not None and seen.delay is not None:
-        other = without_filter_of_part(motion, part, seen.delay, fps)
-        return motion, moved_by(motion, other, part, fps), [out_of_time(name, seen.delay, fps)]
+    late = late or (seen and seen.delay)
+    if late is not None:
+        other = without_filter_of_part(motion, part, late, fps)
+        return motion, moved_by(motion, other, part, fps), [out_of_time(name, late, fps)]
     for _ in range(ROUNDS):
         if seen is None or (found := seen.filter_of_part) is None:
             break

@@ -42,6 +42,7 @@ from geneoh.pipeline.shots import common_shots, joined_shots, told_of
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
+from geneoh.readers.delay_check import hand_delay
 from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.repeats import without_repeats
@@ -155,7 +156,8 @@ def clean_interaction(
         motion, examined = clean_object(motion, sequence.fps, palms)
         notes += repeated
         notes += examined.sentences()
-        sharp = sharpened(sequence.hands, palms, motion, examined, sequence.fps)
+        delays = tuple(hand_delay(hand, motion, sequence.fps) for hand in sequence.hands)
+        sharp = sharpened(sequence.hands, palms, delays, motion, examined, sequence.fps)
         undone = [h for h, new in zip(sequence.hands, sharp.hands, strict=True) if new is not h]
         sequence, motion = replace(sequence, hands=sharp.hands), sharp.object
         notes += sharp.notes

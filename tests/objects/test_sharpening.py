@@ -7,6 +7,8 @@ import geneoh
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.palms import palm_of
 from geneoh.objects.sharpening import sharpened
+from geneoh.readers.delay_check import hand_delay
+from geneoh.sequence.resample import with_hands_earlier
 from geneoh.sequence.sequence import Sequence
 from tools.noisy_objects.clips import clip_of, with_noisy_hand
 from tools.noisy_objects.filters import filtered_as
@@ -15,7 +17,8 @@ from tools.noisy_objects.filters import filtered_as
 def sharp(sequence: Sequence):
     palms = tuple(map(palm_of, sequence.hands))
     motion, examined = clean_object(sequence.object, sequence.fps, palms)
-    return sharpened(sequence.hands, palms, motion, examined, sequence.fps)
+    delays = tuple(hand_delay(hand, motion, sequence.fps) for hand in sequence.hands)
+    return sharpened(sequence.hands, palms, delays, motion, examined, sequence.fps)
 
 
 def off(motion, truth) -> float:
@@ -72,6 +75,16 @@ def test_an_object_out_of_time_is_relied_on_less_and_the_delay_told():
     assert float(found.off.max()) > 0.02
     assert "ms late beside the hand that moves it, and nothing tells which" in found.notes[0]
     assert found.notes[0].endswith("if the object is, --hand-delay -2 brings the hand to it")
+
+
+def test_a_hand_that_is_six_frames_late_is_not_taken_for_a_filtered_one():
+    late = with_hands_earlier(clip_of("recording"), -6)
+    found = sharp(late)
+    assert found.hands[0] is late.hands[0]
+    assert found.object is late.object
+    assert [note.rpartition("if ")[2] for note in found.notes] == [
+        "the object is, --hand-delay 6 brings the hand to it"
+    ]
 
 
 def test_parts_that_shake_by_themselves_tell_nothing():
