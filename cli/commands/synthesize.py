@@ -86,7 +86,7 @@ def synthesize(
     chosen = configured(data_kind.defaults, path, settings)
     chosen.check_size()
     sheet = data / "sheet.png"
-    keep_others(sheet, "choose another folder")
+    keep_others(sheet)
     with progress.progress_bars() as on_progress:
         source = data_kind.source(data, unit, partial(on_progress, "objects"))
         how = {"jobs": jobs, "on_shard": partial(on_progress, "shards")}

@@ -96,7 +96,7 @@ def _cleaned(clip: BatchClip, batch: BatchOptions) -> Iterator[tuple[str, Denois
     for name, sequence in sequences_of(clip, batch.reading, options.mano_dir):
         place = batch.folder / f"{name}.npz"
         refuse_inputs(place, place.resolve(), [clip.path])
-        keep_others(place, "choose another folder")
+        keep_others(place)
         yield f"{name}.npz", denoise(sequence, options)
 
 

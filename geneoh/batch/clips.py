@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from glob import glob, has_magic
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.files.journal import CLEANED, is_journal
 from geneoh.files.outputs import lies_within
-from geneoh.files.reading import open_text, separator_of
+from geneoh.files.reading import open_text, refuse_missing, table_in
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
@@ -157,8 +156,7 @@ def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
         return [
             BatchClip(each.relative_to(path).with_suffix("").as_posix(), each) for each in found
         ]
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder; check the path")
+    refuse_missing(path)
     return [BatchClip(path.stem, path)]
 
 
@@ -167,8 +165,8 @@ def is_manifest(path: Path) -> bool:
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
     with open_text(path, MANIFEST_LIMIT) as file:
-        heading = file.readline()
-    names = names_in(csv.reader([heading], delimiter=separator_of(heading)))
+        lines, separator = table_in(file)
+        names = names_in(csv.reader([next(lines)], delimiter=separator))
     return not {"input", "meshes"}.isdisjoint(names)
 
 
@@ -200,11 +198,10 @@ def columns_of(rows: Iterator[list[str]], path: Path) -> list[str]:
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[BatchClip]:
     """The clips of all rows; one whose files are not there keeps the reason as its problem."""
     with open_text(path, MANIFEST_LIMIT) as file:
-        heading = file.readline()
-        separator = separator_of(heading)
-        rows = csv.reader(chain([heading], file), delimiter=separator, skipinitialspace=True)
+        lines, separator = table_in(file)
+        rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
         names = columns_of(rows, path)
-        lines: dict[str, int] = {}  # of the names that are given
+        named: dict[str, int] = {}  # lines of the names that are given
         for row in filter(any, rows):
             where = f"{path}, line {rows.line_num}"
             row = row[: len(names)] if not any(row[len(names) :]) else row
@@ -214,12 +211,12 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[BatchClip]:
                     f"is not empty, got {len(row)}; correct the line"
                 )
             name = cells["name"] = cells.get("name", "").strip().removesuffix(".npz")
-            if name in lines:
+            if name in named:
                 raise InputError(
                     f"{where}: 'name' must be another one in each line, got {name!r} in line "
-                    f"{lines[name]} too; rename one"
+                    f"{named[name]} too; rename one"
                 )
-            lines |= {name: rows.line_num} if name else {}
+            named |= {name: rows.line_num} if name else {}
             yield from clips_of_row(cells, where, path.parent, folder)
 
 

@@ -17,15 +17,8 @@ from geneoh.batch.summary import SUMMARY_FILES, write_summary
 from geneoh.config import as_dict, setting_differences
 from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError
-from geneoh.files.fingerprints import file_digests, is_unchanged
-from geneoh.files.journal import (
-    CLEANED,
-    Record,
-    append_journal,
-    begin_journal,
-    only_run_in,
-    read_journal,
-)
+from geneoh.files import journal
+from geneoh.files.fingerprints import file_digests, is_done
 from geneoh.files.json_text import with_nan
 from geneoh.files.outputs import keep_others
 from geneoh.progress import OnProgress
@@ -64,20 +57,21 @@ def clean_batch(
         InputError: another run works in the folder, or it cannot be written to.
     """
     batch.options.resolved()
-    path, settings = batch.folder / CLEANED, _settings_of(batch)
-    with only_run_in(batch.folder):
+    path, settings = batch.folder / journal.CLEANED, _settings_of(batch)
+    with journal.only_run_in(batch.folder):
         records = _records_before(clips, batch, settings)
-        begin_journal(path, [settings, *records.values()])
+        journal.begin_journal(path, [settings, *records.values()])
         left = [clip for clip in clips if records[clip.name]["state"] == "left"]
         before = done = len(clips) - len(left)
         for outcome in outcomes_of(left, batch, jobs, ray):
             record = record_of(outcome, records[outcome.clip]["asked"])
             records[outcome.clip] = record
-            append_journal(path, [record])
+            journal.append_journal(path, [record])
             done += 1
             if on_progress is not None:
                 on_progress("clips", done, len(clips))
-        begin_journal(path, [settings, *records.values()])  # without what was left in between
+        # without what was left in between
+        journal.begin_journal(path, [settings, *records.values()])
         outcomes = tuple(outcome_in(records[clip.name]) for clip in clips)
         write_summary(outcomes, batch.folder)
     return Cleaned(outcomes, before)
@@ -102,30 +96,21 @@ def _records_before(
     clips: list[BatchClip], batch: BatchOptions, settings: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
-    path = batch.folder / CLEANED
-    keep_others(path, "choose another folder")
-    records = read_journal(path)
+    path = batch.folder / journal.CLEANED
+    keep_others(path)
+    records = journal.read_journal(path)
     if any(record.get("state") == "done" for record in records):
         refuse_other_settings(records[0], settings, path)
     if not records:
-        for name in SUMMARY_FILES:
-            keep_others(batch.folder / name, "choose another folder")
+        keep_others(*(batch.folder / name for name in SUMMARY_FILES))
     known = {record["clip"]: record for record in records[1:] if "clip" in record}
     for clip in clips:
         asked = clip.described()
         record = known.pop(clip.name, {})
-        if not _is_done(record, asked, batch.folder):
+        if record.get("state") != "done" or not is_done(record, asked, batch.folder):
             record = {"clip": clip.name, "state": "left", "asked": asked}
         known[clip.name] = record  # in the order of the clips, behind those of other runs
     return known
-
-
-def _is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
-    """Whether a journal calls a clip done, and all its files are as they were."""
-    if record.get("state") != "done" or record.get("asked") != asked:
-        return False
-    known = outcome_in(record)
-    return is_unchanged(known.inputs, folder) and is_unchanged(known.files, folder)
 
 
 def record_of(outcome: CleaningOutcome, asked: dict[str, Any]) -> dict[str, Any]:
@@ -149,7 +134,7 @@ def _settings_of(batch: BatchOptions) -> dict[str, Any]:
     }
 
 
-def refuse_other_settings(held: Record, settings: dict[str, Any], path: Path) -> None:
+def refuse_other_settings(held: journal.Record, settings: dict[str, Any], path: Path) -> None:
     """`ConfigError` where a journal was begun with other settings."""
     if differ := setting_differences(held, settings):
         raise ConfigError(

@@ -146,7 +146,7 @@ def write_inputs(cases: list[Case], folder: Path) -> int:
             raise error
     for case in cases:
         path = folder / case.file_name
-        keep_others(path, "choose another folder")
+        keep_others(path)
         make_folder(path.parent)
         written: list[Mesh] = []
         for part, mesh in enumerate(case.noisy.object.meshes):

@@ -7,17 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from geneoh.evaluation import plots
+from geneoh.evaluation import plots, tables
 from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
-from geneoh.evaluation.tables import (
-    FEWEST,
-    LEVEL,
-    TableBlock,
-    as_markdown,
-    blocks_of,
-    seed_agreement,
-)
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
 from geneoh.files.journal import SCORED
@@ -56,9 +48,9 @@ class Evaluation:
     the same report, so it is not in the files."""
 
     @property
-    def blocks(self) -> list[TableBlock]:
+    def blocks(self) -> list[tables.TableBlock]:
         """The tables, one for each noise."""
-        return blocks_of(self.scores, self.methods)
+        return tables.blocks_of(self.scores, self.methods)
 
     @property
     def seeds(self) -> int:
@@ -69,8 +61,8 @@ class Evaluation:
     def bar_lines(self) -> str:
         """What the lines in the bars are, in words; nothing where there are none."""
         recordings = len({recording_of(score.clip) for score in self.scores})
-        if recordings >= FEWEST:
-            return f"{LEVEL:.0%} intervals over {recordings} recordings"
+        if recordings >= tables.FEWEST:
+            return f"{tables.LEVEL:.0%} intervals over {recordings} recordings"
         if self.seeds < 2:
             return ""
         few = f"{recordings} recording{'s' * (recordings != 1)}, too few for intervals"
@@ -80,7 +72,7 @@ class Evaluation:
         """What a reader of the tables must know."""
         if self.seeds > 1:
             yield f"Mean ± standard deviation over {self.seeds} seeds of the mean over clips."
-        if (tau := seed_agreement(self.scores)) is not None:
+        if (tau := tables.seed_agreement(self.scores)) is not None:
             yield (
                 "Kendall's tau of the ranks by MPJPE, least over pairs of seeds: "
                 f"{tau:.2f} (1: the same order for every seed)."
@@ -114,8 +106,7 @@ class Evaluation:
 def keep_other_reports(folder: Path) -> None:
     """Refuse a folder without our record that has files with the names of the report's."""
     if not (folder / SCORED).is_file():
-        for name in REPORT_FILES:
-            keep_others(folder / name, "choose another folder")
+        keep_others(*(folder / name for name in REPORT_FILES))
 
 
 def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
@@ -155,7 +146,7 @@ def report_as_json(evaluation: Evaluation) -> str:
 def as_report(evaluation: Evaluation) -> Iterator[str]:
     """The tables as Markdown, with what made them."""
     yield from ("# geneoh eval", "", f"`{evaluation.command}`", "")
-    yield from as_markdown(evaluation.blocks)
+    yield from tables.as_markdown(evaluation.blocks)
     yield ""
     yield from (f"- {remark}" for remark in evaluation.remarks())
     yield from ("", made_with(evaluation.settings))
@@ -192,7 +183,7 @@ def as_page(evaluation: Evaluation) -> str:
     return PAGE.read_text("utf-8").replace("<!-- body -->", "\n".join(parts))
 
 
-def as_html_table(block: TableBlock) -> str:
+def as_html_table(block: tables.TableBlock) -> str:
     """One noise as an HTML table; the best of a column is bold."""
     heads = "".join(f"<th>{m.title}<br>{m.unit}</th>" for m in block.measures)
     lines = [f"<tr><th></th>{heads}</tr>"]
@@ -202,7 +193,7 @@ def as_html_table(block: TableBlock) -> str:
     return f"<table>{''.join(lines)}</table>"
 
 
-def plots_of(evaluation: Evaluation, blocks: list[TableBlock]) -> Iterator[str]:
+def plots_of(evaluation: Evaluation, blocks: list[tables.TableBlock]) -> Iterator[str]:
     """Bars over all noises; then errors by frame, by joint and against the input's, by noise."""
     there = {key for block in blocks for cells in block.cells.values() for key in cells}
     lines = evaluation.bar_lines and f", with {evaluation.bar_lines}"

@@ -91,7 +91,7 @@ def evaluate(
     versions = package_versions()
     pages_folder = folder / "pages" if pages else None
     with only_run_in(folder):
-        keep_others(folder / SCORED, "choose another folder")
+        keep_others(folder / SCORED)
         if fresh:
             remove_pages(folder / "pages")
         done, earlier = open_record(folder, settings, versions, fresh=fresh)

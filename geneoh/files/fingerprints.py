@@ -47,6 +47,16 @@ def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
         return False
 
 
+def is_done(record: Mapping[str, Any], asked: Mapping[str, Any], folder: Path) -> bool:
+    """Whether a journal's record is of the same work, and what it read and wrote is as it was.
+
+    So the last entry of each output file counts: where a clip of another name replaced a file, it
+    is not as it was.
+    """
+    same = record.get("asked") == asked
+    return same and all(is_unchanged(record.get(name, {}), folder) for name in ("inputs", "files"))
+
+
 def file_digests(paths: Iterable[Path]) -> dict[str, str]:
     """A digest of each of these files that exists, by its name without its ending."""
     return {path.stem: file_digest([path]) for path in paths if path.is_file()}

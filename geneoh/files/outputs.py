@@ -42,6 +42,7 @@ def check_ending(path: Path, endings: Iterable[str]) -> None:
 def check_outputs(
     files: Iterable[Path],
     *,
+    endings: Iterable[str] = (),
     folders: Iterable[Path] = (),
     inputs: Iterable[Path | None] = (),
     overwrite: bool = False,
@@ -51,6 +52,7 @@ def check_outputs(
 
     Args:
         files: files to write, each in a folder that exists.
+        endings: of the formats in which the files can be written; without any, all are taken.
         folders: new folders to make.
         inputs: files and folders that are read; in these folders only our own files are replaced.
         overwrite: whether files of others may be replaced too; never an input.
@@ -58,7 +60,10 @@ def check_outputs(
     """
     read = [path for path in inputs if path is not None]
     taken: set[Path] = set()
-    for path in (files := [*files]) + [*folders]:
+    for path in (files := [*files]):
+        if endings:
+            check_ending(path, endings)
+    for path in files + [*folders]:
         is_new_folder = path not in files
         if is_new_folder:
             refuse_folder(path)
@@ -69,7 +74,7 @@ def check_outputs(
             raise InputError(f"{path}: is the name of two outputs; give each its own")
         taken.add(place)
         if not overwrite:
-            keep_others(path, remedy)
+            keep_others(path, remedy=remedy)
 
 
 def _check_folder(path: Path, *, missing: bool) -> None:
@@ -109,12 +114,15 @@ def lies_within(path: Path, folder: Path) -> bool:
     return path.resolve().is_relative_to(folder.resolve())
 
 
-def keep_others(path: Path, remedy: str) -> None:
+def keep_others(*paths: Path, remedy: str = "choose another folder") -> None:
     """`InputError` for a folder, and for a file that is not empty and that geneoh did not write."""
-    if path.is_dir():
-        raise InputError(f"{path}: expected the name of a file, got a folder; choose another name")
-    if path.exists() and path.stat().st_size and not is_ours(path):
-        raise InputError(f"{path}: is there already and was not written by geneoh; {remedy}")
+    for path in paths:
+        if path.is_dir():
+            raise InputError(
+                f"{path}: expected the name of a file, got a folder; choose another name"
+            )
+        if path.exists() and path.stat().st_size and not is_ours(path):
+            raise InputError(f"{path}: is there already and was not written by geneoh; {remedy}")
 
 
 def is_ours(path: Path) -> bool:

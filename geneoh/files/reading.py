@@ -9,6 +9,8 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TextIO
 
@@ -79,9 +81,13 @@ def open_text(path: Path, limit: int) -> TextIO:
         raise unreadable(path, error) from None
 
 
-def separator_of(heading: str) -> str:
-    """What separates the cells of a table: Excel writes semicolons where decimals have commas."""
-    return max(",;\t", key=heading.count)
+def table_in(file: TextIO) -> tuple[Iterator[str], str]:
+    """The lines of a table, and what separates its cells.
+
+    Excel writes semicolons where decimals have commas.
+    """
+    heading = file.readline()
+    return chain([heading], file), max(",;\t", key=heading.count)
 
 
 def refuse_large(path: Path, limit: int) -> None:
@@ -97,6 +103,12 @@ def refuse_large(path: Path, limit: int) -> None:
             f"{path}: must have at most {limit / 2**20:g} MiB, got {size / 2**20:.0f}; "
             "cut it into shorter ones"
         )
+
+
+def refuse_missing(path: Path) -> None:
+    """Raise where there is neither a file nor a folder."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; check the path")
 
 
 def head_of(path: Path) -> bytes:

@@ -133,7 +133,7 @@ def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = Fal
         raise no_result(result, f"{takes}, got {type(result).__name__} first")
     check_ending(Path(path), (".npz",))
     if not overwrite:
-        keep_others(Path(path), "pass overwrite=True to replace it, or choose another name")
+        keep_others(Path(path), remedy="pass overwrite=True to replace it, or choose another name")
     if isinstance(result, Sequence):
         save_sequence(result, path)
         return

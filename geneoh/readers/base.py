@@ -10,7 +10,7 @@ from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
 from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
-from geneoh.errors import InputError
+from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.clock import Clock
@@ -195,8 +195,7 @@ def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
 
     The name of the path itself may be in capitals.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder; check the path")
+    refuse_missing(path)
     name, folders = pattern.rstrip("/"), pattern.endswith("/")
     if PurePath(path.name.lower()).match(name.lower()) and path.is_dir() == folders:
         yield path

@@ -16,7 +16,7 @@ import numpy as np
 
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import make_folder, write_whole
-from geneoh.files.fingerprints import fingerprint, is_unchanged
+from geneoh.files.fingerprints import fingerprint, is_done
 from geneoh.files.journal import CONVERTED, append_journal, begin_journal, only_run_in, read_journal
 from geneoh.files.outputs import check_outputs, keep_others
 from geneoh.geometry.mesh import Mesh, size_warning
@@ -74,7 +74,7 @@ def convert(
         for clip in clips:
             asked = _described(source, clip, options)
             record = known.get(clip.name, {})
-            if folder and not check and _is_done(record, asked, folder):
+            if folder and not check and is_done(record, asked, folder):
                 yield ConversionOutcome(clip, tuple(record["files"]), skipped=True)
                 continue
             try:
@@ -189,18 +189,8 @@ def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
 def _records_before(folder: Path) -> dict[str, dict[str, Any]]:
     """The last record of each clip in a folder's journal, which is written anew without halves."""
     path = folder / CONVERTED
-    keep_others(path, "choose another folder")
+    keep_others(path)
     records = {str(record.get("clip")): record for record in read_journal(path)}
     if path.is_file():
         begin_journal(path, records.values())
     return records
-
-
-def _is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
-    """Whether a record is of the same work, and the files that it read and wrote are as they were.
-
-    So the last entry of each output file counts: where a clip of another name replaced a file, it
-    is not as it was.
-    """
-    same = record.get("asked") == asked
-    return same and all(is_unchanged(record.get(name, {}), folder) for name in ("inputs", "files"))

@@ -8,7 +8,6 @@ or both (`geneoh.readers.clock`), and the side of the hand.
 import csv
 import re
 from collections.abc import Iterable
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +15,10 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError, numbered
-from geneoh.files.reading import open_text, separator_of
+from geneoh.files.reading import open_text, table_in
+from geneoh.readers import mediapipe
 from geneoh.readers.clock import TIME_NAMES
 from geneoh.readers.foreign_files import JSON_LIMIT, number_in
-from geneoh.readers.mediapipe import (
-    Landmarks,
-    Tracks,
-    as_one_hand,
-    empty_track,
-    label_of,
-    refuse_image_landmarks,
-)
 from geneoh.readers.records import FRAME_LIMIT, Record
 
 FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
@@ -50,7 +42,7 @@ Cell = tuple[Side | None, int, int, int, float]
 """Side, frame, point, axis and number of a coordinate."""
 
 
-def read_points(path: Path, side: Side | None) -> Landmarks:
+def read_points(path: Path, side: Side | None) -> mediapipe.Landmarks:
     """The hands in a table of points, by the side that a column says; see `as_one_hand`."""
     rows, columns = read_rows(path)
     frames = frames_of(rows)
@@ -59,9 +51,9 @@ def read_points(path: Path, side: Side | None) -> Landmarks:
     first, last = min(numbers, default=0), max(numbers, default=0)
     if not cells or last - first >= FRAME_LIMIT:
         raise InputError(f"{path}: expected rows of 1 to {FRAME_LIMIT} frames; correct the table")
-    found: Tracks = {}
+    found: mediapipe.Tracks = {}
     for label, frame, point, axis, number in cells:
-        track = found.setdefault(label, empty_track(last - first + 1))
+        track = found.setdefault(label, mediapipe.empty_track(last - first + 1))
         if np.isfinite(track.points[frame - first, point, axis]):
             raise InputError(
                 f"{path}: expected one hand a side in each frame, got landmark {point} twice in "
@@ -70,17 +62,18 @@ def read_points(path: Path, side: Side | None) -> Landmarks:
         track.points[frame - first, point, axis] = number
         track.trust[frame - first] = 1.0
     for track in found.values():
-        refuse_image_landmarks(track.points, str(path))
-    return Landmarks(*as_one_hand(found, side), times_in(rows, frames, path), first)
+        mediapipe.refuse_image_landmarks(track.points, str(path))
+    return mediapipe.Landmarks(
+        *mediapipe.as_one_hand(found, side), times_in(rows, frames, path), first
+    )
 
 
 def read_rows(path: Path) -> tuple[list[Row], dict[str, tuple[int | None, int]]]:
     """The rows of a table, and its columns of coordinates; see `point_columns`."""
     try:
         with open_text(path, JSON_LIMIT) as file:
-            heading = file.readline()
-            separator = separator_of(heading)
-            table = csv.DictReader(chain([heading], file), delimiter=separator)
+            lines, separator = table_in(file)
+            table = csv.DictReader(lines, delimiter=separator)
             table.fieldnames = [str(name).strip().lower() for name in table.fieldnames or ()]
             columns = point_columns(table.fieldnames, path)
             return [with_points(row, separator, path) for row in table], columns
@@ -179,7 +172,7 @@ def cells_of(
     for line, (row, frame) in enumerate(zip(rows, frames, strict=True)):
         named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""
         told_side: Side | None = next(
-            (label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None
+            (mediapipe.label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None
         )
         for name, (fixed, axis) in columns.items():
             point = point_number(named) if fixed is None else fixed

@@ -12,6 +12,7 @@ from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, checked_call, closest_name, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
+from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import METRES
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
@@ -101,8 +102,7 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
     """
     found: dict[Path, SourceClip] = {}
     for path in paths:
-        if not path.exists():
-            raise InputError(f"{path}: no such file or folder; check the path")
+        refuse_missing(path)
         clips = source.reader().find(path.resolve())
         if results is not None and not lies_within(path, results):
             written = results.resolve()

@@ -52,8 +52,7 @@ class GenerationReport:
 def keep_other_generation_reports(folder: Path) -> None:
     """Refuse a folder that has files with the names of the report's which geneoh did not write."""
     if not is_ours(folder / FILES[0]):
-        for name in FILES:
-            keep_others(folder / name, "choose another folder")
+        keep_others(*(folder / name for name in FILES))
 
 
 def write_generation_report(report: GenerationReport, folder: Path) -> list[Path]:
