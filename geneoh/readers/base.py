@@ -13,10 +13,9 @@ from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
-from geneoh.readers.clock import Clock
 from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.places import Place
-from geneoh.readers.records import Array, Notes
+from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -167,13 +166,18 @@ class ClipParts:
     """(T,) frames that do not follow in time from the one before them."""
     first: int = 0
     """Number that the source gives its first frame."""
-    clock: Clock | None = None
-    """When the frames were taken, where that may be uneven; `fps` is then of even ones."""
+    stamps: Record | None = None
+    """What a file says of when the frames were taken, which may be uneven; in place of `fps`."""
     convention: ManoConvention | None = None
     """How the source uses MANO, where that is not the same in all of its clips."""
     camera: Place | Array | None = None
     """Position of the camera from whose images the hands were estimated, or (T, 3) positions of one
     that moves, metres, world, where known."""
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T of the hands; 1 without any."""
+        return self.hands[0].frames if self.hands else 1
 
 
 Parts = Iterator[ClipParts]

@@ -15,6 +15,7 @@ import torch
 from geneoh.errors import InputError
 from geneoh.readers import base, builders, meshes
 from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
+from geneoh.readers.clock import Clock, rate_of, timing_of
 from geneoh.readers.records import Array, Notes
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import seen_from
@@ -42,9 +43,8 @@ class DatasetReader:
     """How many parts of the path a clip's name keeps."""
     name_above: int = 0
     """How many levels above the clip's path the name is taken."""
-    fps: float = 30.0
-    fps_assumed: bool = False
-    """Whether the files do not say the frame rate, which is noted then."""
+    fps: float | None = 30.0
+    """Frames a second of all clips; None where the files do not say it, which is noted then."""
     convention: base.ManoConvention = base.WRIST
     """How the source uses MANO, where it does."""
     takes: tuple[str, ...] = ()
@@ -77,21 +77,27 @@ class DatasetReader:
         whole = self.whole(parts, clip, options)
         return split(whole, frames_to_keep(parts, whole.sequence.frames), parts.after_jump)
 
+    def timing(
+        self, parts: ClipParts, options: ReaderOptions, where: str
+    ) -> tuple[float, Clock | None, Notes]:
+        """Frames a second, when the frames were taken where a clip says it, and what to know."""
+        if parts.stamps is not None:
+            return timing_of(parts.stamps, parts.frames, options.fps)
+        known = [fps for fps in (options.fps, parts.fps, self.fps) if fps is not None]
+        rate, notes = rate_of(None, next(iter(known), None), where)
+        return rate, None, notes
+
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
         """One interaction with all of its frames, as labels of frames count them."""
         where, checks = str(clip.path), parts.cross_checks
+        rate, clock, about_time = self.timing(parts, options, where)
         motion, about_object = _object_of(parts, options, where)
         motion, about_meshes = meshes.with_parts(motion)
         names = tuple(parts.meshes)
         if len(names) != len(motion.meshes):
             names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
-        notes = [*about_object, *parts.notes, *about_meshes]
-        if self.fps_assumed and options.fps is None:
-            notes.append(f"{self.fps:g} frames a second assumed; --fps says otherwise")
+        notes = [*about_object, *parts.notes, *about_time, *about_meshes]
         hands, about_hands = _hands_of(parts, parts.convention or self.convention, options, where)
-        rate = self.fps if parts.fps is None else parts.fps
-        if parts.clock is None and options.fps is not None:
-            rate = options.fps
         notes += about_hands
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
         refuse_other_frames(where, sequence, checks)
@@ -99,8 +105,8 @@ class DatasetReader:
         if camera is not None:
             place = torch.from_numpy(np.atleast_2d(np.asarray(camera, np.float32)))
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
-        if parts.clock is not None:
-            sequence, nearest = parts.clock.even(sequence)
+        if clock is not None:
+            sequence, nearest = clock.even(sequence)
             checks = checks[nearest]
         return Recording(parts.name or clip.name, sequence, names, checks)
 
@@ -117,8 +123,7 @@ def _object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[Ob
     if parts.stated is not None:
         return parts.stated, ()
     if parts.motion is None:
-        frames = parts.hands[0].frames if parts.hands else 1
-        return builders.callers_object(options, frames, where, parts.first)
+        return builders.callers_object(options, parts.frames, where, parts.first)
     kept = frames_to_keep(parts, len(parts.motion))
     refuse_bottom_row(where, "the object's poses", parts.motion, kept)
     return builders.object_track(parts.meshes.values(), parts.motion), ()

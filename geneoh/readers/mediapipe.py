@@ -44,10 +44,17 @@ NOTES = (
 
 @dataclass(frozen=True)
 class LandmarkTrack:
-    """One hand of a file: (T, 21, 3) points with NaN where it was not seen, and (T,) trust."""
+    """One hand of a file."""
 
     points: Array
+    """(T, 21, 3), NaN where it was not seen."""
     trust: Array
+    """(T,) from 0 to 1, or (T, 21) in each point."""
+
+    @property
+    def confidence(self) -> Array:
+        """(T, 21) trust in each point."""
+        return self.trust if self.trust.ndim == 2 else np.tile(self.trust[:, None], 21)
 
 
 Tracks = dict[Side | None, LandmarkTrack]
@@ -64,6 +71,8 @@ class Landmarks:
     """What the file says of time; see `geneoh.readers.clock`."""
     first: int = 0
     """Number that the file gives its first frame."""
+    camera: Array | None = None
+    """(3,) where the file says it is."""
 
 
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:

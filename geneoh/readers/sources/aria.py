@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.choices import Side
 from geneoh.readers import base, builders, foreign_files, joint_orders, transforms
-from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.records import Array, Notes, Record
 
@@ -37,15 +36,13 @@ def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands at even steps of time, in the world where the trajectory is there."""
     record = foreign_files.read_table(clip.path, TRACKING)
     seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
-    rate, clock, notes = timing_of(record, len(seconds), options.fps)
-    device, about_device = read_device(base.ancestor(clip.path, 2), seconds)
+    device, notes = read_device(base.ancestor(clip.path, 2), seconds)
     hands = []
     for side in ("right", "left"):
         points, trust = read_side(record, side)
         points = points if device is None else transforms.moved_points(points, device)
         hands.append(builders.hand_track(side, points, trust))
-    timed = {"fps": rate, "clock": clock, "notes": (*about_device, *notes)}
-    yield base.ClipParts(f"Aria MPS {clip.name}", hands, **timed)
+    yield base.ClipParts(f"Aria MPS {clip.name}", hands, notes=notes, stamps=record)
 
 
 def read_side(record: Record, side: Side) -> tuple[Array, Array]:

@@ -27,7 +27,6 @@ from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, npz_layouts
-from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.mediapipe import refuse_image_landmarks
@@ -64,8 +63,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     yield base.ClipParts(
         f"{clip.path.name} (keypoints in the order {order})",
         [hand],
-        cross_checks=base.CrossChecks({side: joints}),
-        **said_beside(record, hand.frames, options, (*missed, *notes)),
+        **said_beside(record, options, (*missed, *notes)),
     )
 
 
@@ -96,7 +94,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
         f"{clip.path.name} (MANO parameters)",
         [hand],
         convention=base.ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
-        **said_beside(record, hand.frames, options, notes),
+        **said_beside(record, options, notes),
     )
 
 
@@ -113,14 +111,10 @@ def _fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[s
     return value
 
 
-def said_beside(
-    record: Record, frames: int, options: base.ReaderOptions, notes: Notes
-) -> dict[str, Any]:
+def said_beside(record: Record, options: base.ReaderOptions, notes: Notes) -> dict[str, Any]:
     """Fields of `ClipParts` that a file says beside its hand: the times, the object, and notes."""
-    rate, clock, about_time = timing_of(record, frames, options.fps)
     motion, about_object = stated_object(record, options)
-    notes = (*notes, *about_object, *about_time)
-    return {"fps": rate, "clock": clock, "stated": motion, "notes": notes}
+    return {"stamps": record, "stated": motion, "notes": (*notes, *about_object)}
 
 
 def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:

@@ -36,7 +36,7 @@ MIRRORED_NOTE = "of left hands some fields were mirrored back already"
     *(f"*{ending}" for ending in ENDINGS),
     choose=dumps,
     any_file=True,
-    fps_assumed=True,
+    fps=None,
     takes=("focal", "object_pose"),
 )
 def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:

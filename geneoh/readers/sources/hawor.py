@@ -31,7 +31,7 @@ FIELDS: dict[str, Shape] = {
     "world_space_res.pth",
     any_file=True,
     name_parts=2,
-    fps_assumed=True,
+    fps=None,
     convention=base.ManoConvention("origin", left_hand=MENDED),
     takes=("object_pose",),
 )

@@ -29,7 +29,7 @@ MESHES = ("cleaned_mesh_10000.obj", "textured_mesh.obj")
     "poses_m.npy",
     clip_is_folder=True,
     name_parts=2,
-    fps_assumed=True,
+    fps=None,
     convention=base.ORIGIN,
     content="an object with poses",
     takes=("objects",),

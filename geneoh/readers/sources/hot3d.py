@@ -17,7 +17,6 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base, builders, foreign_files, transforms
-from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.mano import pose_of_coefficients
 from geneoh.readers.meshes import find_mesh
@@ -44,15 +43,13 @@ def hot3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     lines = _moments(clip.path / "mano_hand_pose_trajectory.jsonl")
     times = np.array([time for time, _ in lines])
     hands = [_read_hand([line for _, line in lines], side, options) for side in KEYS]
-    record = Record(str(clip.path), {"timestamp_ns": times - times[0]})
-    rate, clock, notes = timing_of(record, len(times), options.fps)
+    stamps = Record(str(clip.path), {"timestamp_ns": times - times[0]})
     motions = read_objects(clip.path / "dynamic_objects.csv", times)
     folder = options.objects or base.ancestor(clip.path, 1) / "assets"
-    timed = {"fps": rate, "clock": clock, "notes": notes}
     for name in base.moving_objects(motions):
         meshes = {f"hot3d_{name}": find_mesh([folder / f"{name}.glb"], f"object {name}")}
         source, part = f"HOT3D {clip.name} {name}", f"{clip.name}_{name}"
-        yield base.ClipParts(source, hands, meshes, motions[name], name=part, **timed)
+        yield base.ClipParts(source, hands, meshes, motions[name], name=part, stamps=stamps)
 
 
 def _moments(path: Path) -> list[tuple[float, Record]]:

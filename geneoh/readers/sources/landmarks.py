@@ -14,6 +14,9 @@ out. "timestamps" or "frame_ids", one a frame, may stand beside "fps" or in its 
 (`geneoh.readers.clock`).
 """
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from geneoh.choices import OTHER_SIDE, SIDES, JointOrder, Side
@@ -21,14 +24,13 @@ from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders
-from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.landmark_tables import read_points
-from geneoh.readers.mediapipe import Landmarks, Tracks, read_results
+from geneoh.readers.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
 from geneoh.readers.npz_hands import side_of
 from geneoh.readers.npz_layouts import quoted
-from geneoh.readers.records import Array, Record, as_record, float32
+from geneoh.readers.records import Record, as_record, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
 SWAPPED_NOTE = "both hands are bent backward as of the sides that are named: sides are exchanged"
@@ -42,40 +44,44 @@ AS_DESCRIBED = "write it as the page on estimators says"
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
-    if clip.path.suffix.lower() == ".csv":
-        yield foreign_parts(clip, read_points(clip.path, options.side), options)
-        return
-    value, where = foreign_files.read_json(clip.path), str(clip.path)
-    found = read_results(value, where, options.side)
-    if found:
-        yield foreign_parts(clip, found, options)
-    else:
-        yield own_parts(value, clip.path.name, where, options)
+    found = read_landmarks(clip.path, options.side)
+    scale = METRES[options.keypoint_unit or "m"]
+    hands = [
+        builders.hand_track(side, scale * track.points, track.confidence)
+        for side, track in found.tracks.items()
+        if side is not None
+    ]
+    yield base.ClipParts(
+        clip.path.name,
+        hands,
+        first=found.first,
+        stamps=found.stamps,
+        notes=found.notes,
+        camera=None if found.camera is None else scale * found.camera,
+    )
 
 
-def own_parts(value: object, name: str, where: str, options: base.ReaderOptions) -> base.ClipParts:
-    """The interaction in a JSON of our own schema."""
+def read_landmarks(path: Path, side: Side | None) -> Landmarks:
+    """The hands of a file in any of the forms, each with its side; `side` is the caller's."""
+    if path.suffix.lower() == ".csv":
+        return with_sides(read_points(path, side), str(path), side)
+    value = foreign_files.read_json(path)
+    found = read_results(value, str(path), side)
+    return with_sides(found, str(path), side) if found else own_landmarks(value, str(path))
+
+
+def own_landmarks(value: object, where: str) -> Landmarks:
+    """The hands in a JSON of our own schema."""
     record = own_record(value, where)
     order = record.optional_text("order") or "openpose"
     if order not in joint_orders.ORDERS:
         raise record.refuse("order", f"one of {', '.join(joint_orders.ORDERS)}")
     hands = record.record("hands")
-    frames = frames_of_hands(record, hands)
-    scale = METRES[options.keypoint_unit or "m"]
-    read: dict[Side, tuple[Array, Array]] = {
-        side: _read_frames(steps, order, scale, hands.where) for side, steps in frames.items()
+    tracks: Tracks = {
+        side: _read_frames(steps, order, hands.where)
+        for side, steps in frames_of_hands(record, hands).items()
     }
-    rate, clock, about_time = timing_of(record, len(next(iter(frames.values()))), options.fps)
-    camera = scale * record.array("camera", (3,)) if "camera" in record else None
-    return base.ClipParts(
-        name,
-        [builders.hand_track(side, *points) for side, points in read.items()],
-        fps=rate,
-        clock=clock,
-        notes=about_time,
-        cross_checks=base.CrossChecks({side: joints for side, (joints, _) in read.items()}),
-        camera=None if camera is None else tuple(camera.tolist()),
-    )
+    return Landmarks(tracks, (), record, camera=record.optional_array("camera", (3,)))
 
 
 def own_record(value: object, where: str) -> Record:
@@ -116,51 +122,31 @@ def frames_of_hands(record: Record, hands: Record) -> dict[Side, list[object]]:
     return frames
 
 
-def foreign_parts(
-    clip: base.SourceClip, found: Landmarks, options: base.ReaderOptions
-) -> base.ClipParts:
-    """The interaction of landmarks whose file need not say a side."""
-    tracks: Tracks = found.tracks
-    notes = found.notes
+def with_sides(found: Landmarks, where: str, given: Side | None) -> Landmarks:
+    """The landmarks of a file that need not say a side, with that of each hand."""
+    tracks = found.tracks
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
-        side = options.side or label or side_of(Record(str(clip.path), {}), None)
-        tracks = {side: track}
-    elif None in tracks:
-        raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
-    elif all(side and curls_backward(float32(t.points), side) for side, t in tracks.items()):
-        tracks = {OTHER_SIDE[side]: track for side, track in tracks.items() if side}
-        notes = (*notes, SWAPPED_NOTE)
-    frames = max((len(track.points) for track in tracks.values()), default=0)
-    rate, clock, about_time = timing_of(found.stamps, frames, options.fps)
-    scale = METRES[options.keypoint_unit or "m"]
-    return base.ClipParts(
-        clip.path.name,
-        [
-            builders.hand_track(side, scale * track.points, np.tile(track.trust[:, None], 21))
-            for side, track in tracks.items()
-            if side is not None
-        ],
-        fps=rate,
-        first=found.first,
-        clock=clock,
-        notes=(*notes, *about_time),
-    )
+        return replace(found, tracks={given or label or side_of(Record(where, {}), None): track})
+    if None in tracks:
+        raise InputError(f"{where}: expected the side of each hand, got one without; add it")
+    if all(side and curls_backward(float32(t.points), side) for side, t in tracks.items()):
+        swapped: Tracks = {OTHER_SIDE[side]: track for side, track in tracks.items() if side}
+        return replace(found, tracks=swapped, notes=(*found.notes, SWAPPED_NOTE))
+    return found
 
 
-def _read_frames(
-    frames: list[object], order: JointOrder, scale: float, where: str
-) -> tuple[Array, Array]:
-    """(T, 21, 3) keypoints in metres, a unit being `scale`, NaN for none, and (T, 21) trust."""
+def _read_frames(frames: list[object], order: JointOrder, where: str) -> LandmarkTrack:
+    """The keypoints of one hand in OpenPose's order, with a trust in each of them."""
     count = joint_orders.ORDERS[order].count
     points, trust = np.full((len(frames), count, 3), np.nan), np.zeros(len(frames))
     for index, frame in enumerate(frames):
         if frame is None:
             continue
         values = as_record(frame, f"{where} frame {index}", AS_DESCRIBED)
-        points[index] = scale * values.array("points", (count, 3))
+        points[index] = values.array("points", (count, 3))
         trust[index] = values.finite("confidence") if "confidence" in values else 1.0
     if ((trust < 0) | (trust > 1)).any():
         raise InputError(f"{where}: expected a confidence from 0 to 1; rescale it")
     joints, there = joint_orders.openpose_order(points, order)
-    return joints, trust[:, None] * there
+    return LandmarkTrack(joints, trust[:, None] * there)
