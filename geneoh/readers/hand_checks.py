@@ -63,16 +63,16 @@ def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
 
 def check_anatomy(hand: HandTrack) -> Iterator[str]:
     """Whether the numbers of a hand are those of a hand of its side, in OpenPose's order."""
-    yield from check_depth(hand)
-    yield from check_keypoint_order(hand)
-    yield from check_finger_bend(hand)
+    if hand.joints is not None:
+        joints = trusted_joints(hand)
+        yield from check_depth(joints)
+        yield from check_keypoint_order(joints, hand.side)
+    if hand.pose is not None:
+        yield from check_finger_bend(hand.pose[hand.valid], hand.side)
 
 
-def check_depth(hand: HandTrack) -> Iterator[str]:
+def check_depth(joints: Float[Tensor, "N 21 3"]) -> Iterator[str]:
     """Whether the keypoints have a depth, as those of a picture do not."""
-    if hand.joints is None:
-        return
-    joints = trusted_joints(hand)
     if of_picture(joints.cpu().numpy()):
         yield (
             "place: the depth of its wrist is 0 in every frame and the others are measured from "
@@ -86,11 +86,8 @@ def check_depth(hand: HandTrack) -> Iterator[str]:
         )
 
 
-def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
+def check_keypoint_order(joints: Float[Tensor, "N 21 3"], side: Side) -> Iterator[str]:
     """Whether the bones between the keypoints are as short as fingers, and curl to the palm."""
-    if hand.joints is None:
-        return
-    joints = trusted_joints(hand)
     span = palm_length(joints)
     links = (joints[:, FINGER_TO] - joints[:, FINGER_FROM]).norm(dim=-1)
     longest = float(links.nanmedian(0).values.nan_to_num().max())
@@ -101,12 +98,11 @@ def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
             f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
             f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
         )
-    elif curls_backward(joints, hand.side):
-        other = OTHER_SIDE[hand.side]
+    elif curls_backward(joints, side):
         yield (
             f"{HANDEDNESS} the fingers curl away from the palm; unless the hand is flat, these are "
-            f"points of the other hand: pass --side {other} or correct the side that is stated; "
-            f"or they are {MIRRORED}"
+            f"points of the other hand: pass --side {OTHER_SIDE[side]} or correct the side that is "
+            f"stated; or they are {MIRRORED}"
         )
 
 
@@ -134,14 +130,12 @@ def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, "
     return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).nanmean(-1)
 
 
-def check_finger_bend(hand: HandTrack) -> Iterator[str]:
+def check_finger_bend(pose: Float[Tensor, "N 16 3"], side: Side) -> Iterator[str]:
     """Whether the pose bends the fingers the way that they can bend."""
-    if hand.pose is None:
-        return
-    bend = float(hand.pose[hand.valid][:, MIDDLE_JOINTS, 2].mean())
-    bend = bend if hand.side == "right" else -bend
+    bend = float(pose[:, MIDDLE_JOINTS, 2].mean())
+    bend = bend if side == "right" else -bend
     if bend < -BACKWARD_LIMIT:
-        other = OTHER_SIDE[hand.side]
+        other = OTHER_SIDE[side]
         yield (
             f"{HANDEDNESS} the fingers bend backward by {-bend:.2f} rad on average; unless the "
             f"hand is flat, these are the numbers of a {other} hand (--side {other}), or a mean "

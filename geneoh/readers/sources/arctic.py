@@ -26,7 +26,7 @@ import numpy as np
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.readers import base, builders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import frame_number, read_array, read_json, read_record
@@ -37,7 +37,6 @@ from geneoh.readers.transforms import axis_angles, rigid_matrices, rotation_matr
 
 TEMPLATES = Path("meta/object_vtemplates")
 FOLDERS = ("seqs", "processed_seqs")
-MILLIMETRES = 0.001
 HINGE = np.array([0.0, 0.0, -1.0])
 """Axis of the top in the canonical frame, through its origin."""
 TOP, BOTTOM = 0, 1
@@ -59,7 +58,7 @@ def arctic(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         f"ARCTIC {clip.name}",
         [_read_hand(record.record(side), side) for side in ("right", "left")],
         meshes,
-        _part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
+        _stored_motion(values),
         cross_checks=base.CrossChecks(contradictions=contradictions),
     )
 
@@ -76,8 +75,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     record = read_record(clip.path)
     flat = "params" not in record and "obj_rot" in record
     params, world = (record if flat else record.record(n) for n in ("params", "world_coord"))
-    values = params.side_by_side(obj_arti=1, obj_rot=3, obj_trans=3)
-    motion = _part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES)
+    motion = _stored_motion(params.side_by_side(obj_arti=1, obj_rot=3, obj_trans=3))
     folder = (options.objects or templates(clip.path)) / clip.path.stem.split("_")[0]
     meshes, contradictions = read_parts(folder)
     joints: dict[Side, Array] = {}
@@ -191,6 +189,11 @@ def _confidence_of(record: Record, name: str) -> Array | None:
     typical = np.nanmedian(error) if np.isfinite(error).any() else 0.0
     trust = np.where(error > typical, typical / np.maximum(error, 1e-12), 1.0)
     return np.tile(np.where(np.isfinite(error), trust, 0.0)[:, None], 21)
+
+
+def _stored_motion(values: Array) -> Array:
+    """(T, 2, 4, 4) of bottom and top by (T, 7) angles, rotations, and places in millimetres."""
+    return _part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * METRES["mm"])
 
 
 def _part_motion(angle: Array, orient: Array, shift: Array) -> Array:

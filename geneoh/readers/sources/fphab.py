@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.errors import InputError
+from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, joint_orders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, frame_number, read_numbers, read_record
@@ -18,7 +19,6 @@ from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array
 from geneoh.readers.transforms import moved_points
 
-MILLIMETRES = 0.001
 OBJECTS = {"juice": "juice_bottle", "liquid_soap": "liquid_soap", "milk": "milk", "salt": "salt"}
 """Objects with poses, by what the action's name says."""
 EXTRINSIC = np.array(
@@ -46,7 +46,7 @@ def fphab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     placed = {t: row.reshape(4, 4).T for t, row in frame_rows(objects, 16).items()}
     frames = max(*fits, *placed) + 1
     motion = by_frame({t: EXTRINSIC @ pose for t, pose in placed.items()}, frames, 4, 4)
-    motion[:, :3, 3] *= MILLIMETRES
+    motion[:, :3, 3] *= METRES["mm"]
     name = next((full for part, full in OBJECTS.items() if part in clip.path.parent.name), None)
     if name is None:
         raise InputError(f"{clip.path}: expected an action with juice, soap, milk or salt")
@@ -81,4 +81,4 @@ def read_skeleton(root: Path, way: Path, frames: int) -> Array | None:
         return None
     rows = {t: row.reshape(21, 3) for t, row in frame_rows(path, 63).items()}
     joints = by_frame(rows, frames, 21, 3)[:, list(joint_orders.ORDERS["fphab"].entries)]
-    return moved_points(joints, EXTRINSIC) * MILLIMETRES
+    return moved_points(joints, EXTRINSIC) * METRES["mm"]
