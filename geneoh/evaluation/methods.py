@@ -13,23 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.baselines.filters import (
-    TUNED,
-    Domain,
-    FilterKind,
-    best_filtered,
-    best_filtered_and_moved,
-    domains_of,
-    filtered,
-    smoothed_centroid,
-)
-from geneoh.baselines.networks import (
-    BASELINES,
-    Baseline,
-    Observation,
-    baseline_weights,
-    load_baseline,
-)
+from geneoh.baselines import filters, networks
 from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, check_folder
@@ -58,7 +42,7 @@ TITLES = {
 """Names of filters and baselines in the tables."""
 ALL_BUT_MOTION: tuple[Ablation, ...] = ("diffusion", "spatial", "temporal", "fit")
 TOLD_THE_TRUTH: tuple[MethodName, ...] = ("best-filter", "best-offset")
-DOMAINS: tuple[Domain, ...] = ("keypoints", "parameters")
+DOMAINS: tuple[filters.Domain, ...] = ("keypoints", "parameters")
 
 
 @dataclass(frozen=True)
@@ -92,22 +76,22 @@ def unchanged(case: Case) -> CleanedHand:
     return CleanedHand(joints_of(case.noisy))
 
 
-def filtered_hand(case: Case, kind: FilterKind, domain: Domain) -> CleanedHand:
+def filtered_hand(case: Case, kind: filters.FilterKind, domain: filters.Domain) -> CleanedHand:
     """A low-pass filter with the size that was tuned on validation clips."""
     hand = hand_with(case, domain)
-    return CleanedHand(filtered(hand, TUNED[kind, domain], domain, case.noisy.fps))
+    return CleanedHand(filters.filtered(hand, filters.TUNED[kind, domain], domain, case.noisy.fps))
 
 
-def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand:
+def best_filtered_hand(case: Case, domain: filters.Domain) -> CleanedHand:
     """The filter and size that are best on this very clip, chosen with the ground truth."""
     truth, hand = truth_of(case), hand_with(case, domain)
-    return CleanedHand(best_filtered(hand, truth, domain, case.noisy.fps))
+    return CleanedHand(filters.best_filtered(hand, truth, domain, case.noisy.fps))
 
 
-def hand_with(case: Case, domain: Domain) -> HandTrack:
+def hand_with(case: Case, domain: filters.Domain) -> HandTrack:
     """The noisy hand; `InputError` where it has nothing of that kind to filter."""
     hand = case.noisy.hands[0]
-    if domain not in domains_of(hand):
+    if domain not in filters.domains_of(hand):
         raise InputError("filters on parameters need a pose, which the clips' hands do not have")
     return hand
 
@@ -121,12 +105,12 @@ def truth_of(case: Case) -> Float[Tensor, "T 21 3"]:
 
 def centroid_hand(case: Case) -> CleanedHand:
     """The hand moved with its smoothed middle, as another pipeline does."""
-    return CleanedHand(smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
+    return CleanedHand(filters.smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
 
 
 def best_offset_hand(case: Case) -> CleanedHand:
     """The filter and the offset for all frames that together are best, by the ground truth."""
-    moved = best_filtered_and_moved(case.noisy.hands[0], truth_of(case), case.noisy.fps)
+    moved = filters.best_filtered_and_moved(case.noisy.hands[0], truth_of(case), case.noisy.fps)
     return CleanedHand(moved)
 
 
@@ -135,8 +119,8 @@ def optimised_hand(
 ) -> CleanedHand:
     """Nothing learned: a tuned filter, then our fit with its contact and smoothness terms."""
     hand, motion = case.noisy.hands[0], case.noisy.object
-    domain = domains_of(hand)[-1]
-    target = filtered(hand, TUNED["savgol", domain], domain, case.noisy.fps)[None]
+    domain = filters.domains_of(hand)[-1]
+    target = filters.filtered(hand, filters.TUNED["savgol", domain], domain, case.noisy.fps)[None]
     model = hand_of_betas(hand.side, hand.hand_model, asked=source, mano_dir=mano_dir)
     subject = subject_of(hand, model)
     state = fit_hand(
@@ -157,12 +141,12 @@ def predicted_hand(case: Case, baseline: BaselineName, weights: Path | None = No
     return CleanedHand(predicted_joints(network, case.noisy, seed=case.seed))
 
 
-network_of = cache(load_baseline)  # read once in a process
+network_of = cache(networks.load_baseline)  # read once in a process
 
 
 @torch.no_grad()
 def predicted_joints(
-    network: Baseline, sequence: Sequence, *, seed: int
+    network: networks.Baseline, sequence: Sequence, *, seed: int
 ) -> Float[Tensor, "T 21 3"]:
     """Keypoints that a baseline predicts for the first hand of a sequence, world frame, metres.
 
@@ -176,7 +160,7 @@ def predicted_joints(
     joints = subject.joints[None]
     region = context.region(joints)
     windows, trust = context.windows(joints), context.cut(context.trust, 0)
-    observation = Observation(region.to_canon(windows), trust)
+    observation = networks.Observation(region.to_canon(windows), trust)
     relations = encode_spatial(observation.joints, region)
     predicted = network.to(joints.device)(observation, relations)
     world = context.blend(region.to_world(predicted))[0]
@@ -238,8 +222,8 @@ def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[st
         if name in TOLD_THE_TRUTH and not options.methods and set(noises) == {"recorded"}:
             notes.append(f"{name} is left out: it needs the ground truth, which nobody recorded")
             continue
-        if name in BASELINES and not options.methods:
-            path = baseline_weights(name, options.cleaner.weights)
+        if name in networks.BASELINES and not options.methods:
+            path = networks.baseline_weights(name, options.cleaner.weights)
             if not path.is_file():
                 made_by = f"`geneoh train --stage {name}` makes them"
                 notes.append(f"{name} is left out: its weights are missing; {made_by}")
@@ -280,7 +264,7 @@ def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Meth
             clean = partial(optimised_hand, source=cleaner.hand, mano_dir=cleaner.mano_dir)
             yield Method("optimisation only", clean)
         case "toch" | "regression":
-            weights = baseline_weights(name, cleaner.weights).parent
+            weights = networks.baseline_weights(name, cleaner.weights).parent
             yield Method(TITLES[name], partial(predicted_hand, baseline=name, weights=weights))
         case "one-call":
             alone = replace(cleaner, samples=1, without=ALL_BUT_MOTION)

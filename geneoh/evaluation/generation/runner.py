@@ -27,6 +27,8 @@ from geneoh.evaluation.generation.rows import (
     refined,
 )
 from geneoh.evaluation.generation.scores import (
+    CLIPS,
+    REAL,
     REPETITIONS,
     SCORES,
     RowScores,
@@ -56,8 +58,6 @@ from geneoh.synthesis.shards import find_shards
 from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress, trained
 
-CLIPS = 256  # held-out clips that are scored unless the user limits them
-REAL = "real"  # name of the row of real clips
 NETWORKS = ("text", "contact", "interaction", "refiner")
 CLASSIFIERS = 5  # with seeds of their own: under a single one small differences may be accidents
 FOLDER = "classifier"  # of each classifier, before its seed, in the folder of the evaluation
@@ -160,9 +160,7 @@ def scores_under(
     """The scores of all rows under one classifier."""
     scored = {name: scored_by(model, *row) for name, row in rows.items()}
     scored = with_random_verbs(scored, options.seed)
-    return repeat(
-        scored[REAL], scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES
-    )
+    return repeat(scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES)
 
 
 def network_rows(
@@ -254,12 +252,18 @@ def _about_run(settings: dict[str, Any]) -> tuple[str, ...]:
     hashes = classifier["hashes"]
     named = ", ".join(f"{seed} {mark}" for seed, mark in hashes.items())
     return (
-        f"{settings['clips']} held-out clips; means over "
-        f"{settings['repetitions']} repetitions, each with a random half of them as conditions, ± "
-        "95% intervals over other clips like these; FID is that to the other half.",
+        f"{settings['clips']} held-out clips; {about_repetitions(settings)}",
         f"Means under {len(hashes)} classifiers of our own, trained alike on "
         f"{classifier['clips']} clips (seed and hash: {named}): scores under another one, such as "
         "the paper's, cannot be compared. Realism is a definition of our own, too.",
+    )
+
+
+def about_repetitions(settings: dict[str, Any]) -> str:
+    """What the cells of a table are, as the end of a sentence."""
+    return (
+        f"means over {settings['repetitions']} repetitions, each with a random half of them as "
+        "conditions, ± 95% intervals over other clips like these; FID is that to the other half."
     )
 
 

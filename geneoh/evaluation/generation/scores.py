@@ -29,6 +29,8 @@ from geneoh.synthesis.actions import Actions
 
 TOP = 3  # classes among which the right one must be (paper)
 REPETITIONS = 20  # (paper)
+CLIPS = 256  # held-out clips that are scored unless the user limits them
+REAL = "real"  # name of the row of real clips
 
 
 @dataclass(frozen=True)
@@ -97,14 +99,14 @@ def scored_by(model: ActionClassifier, clips: Actions, measures: ClipMeasures) -
 
 
 def repeat(
-    real: Scored,
     rows: Mapping[str, Scored],
     *,
     seed: int,
     repetitions: int,
     scores: Mapping[str, Callable[[Scored, Scored, torch.Generator], float]],
 ) -> dict[str, RowScores]:
-    """The scores of all rows, which have a clip for each of the real ones' conditions."""
+    """The scores of all rows, the first of real clips: each has a clip for each condition."""
+    real = next(iter(rows.values()))
     values = {name: {key: [] for key in scores} for name in rows}
     for number in range(repetitions):
         order = torch.randperm(len(real.features), generator=_drawn(seed, number))

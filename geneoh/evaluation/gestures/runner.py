@@ -14,8 +14,8 @@ from geneoh.body.motion import BodyMotion
 from geneoh.bundle import spread
 from geneoh.choices import BODY_STAGES, STEPS
 from geneoh.evaluation.generation.report import GenerationReport
-from geneoh.evaluation.generation.runner import row_generator, told_training
-from geneoh.evaluation.generation.scores import REPETITIONS, repeat
+from geneoh.evaluation.generation.runner import about_repetitions, row_generator, told_training
+from geneoh.evaluation.generation.scores import CLIPS, REAL, REPETITIONS, repeat
 from geneoh.evaluation.gestures.encoder import (
     POOL,
     EncoderConfig,
@@ -38,8 +38,7 @@ from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.training.loop import trained
 
-CLIPS = 256  # held-out clips that are scored unless the user limits them
-REAL, SHUFFLED = "real", "shuffled hands"
+SHUFFLED = "shuffled hands"
 BRANCHES: dict[str, Branch] = {"body only": "body", "text only": "text", "blended": "blended"}
 FOLDER = "encoder"  # of the encoder, in that of the evaluation
 
@@ -110,9 +109,7 @@ def evaluate_gestures(
     for name, branch in BRANCHES.items():
         told = on_progress and partial(on_progress, name)
         scored[name] = network_row(networks, asked, branch, options, told)
-    rows = repeat(
-        scored[REAL], scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES
-    )
+    rows = repeat(scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES)
     settings = _settings_of(options, task, folder, len(real.body))
     about = _about_run(settings, _told_apart(scored[REAL], scored[SHUFFLED]))
     return GenerationReport(settings, command, rows, measures=MEASURES, about=about)
@@ -180,10 +177,8 @@ def _about_run(settings: dict[str, Any], apart: float) -> tuple[str, ...]:
     encoder = settings["encoder"]
     chance = " / ".join(f"{100 * n / POOL:.1f}" for n in (1, 2, 3))
     return (
-        f"{settings['clips']} clips of held-out bodies and ways of making gestures; means "
-        f"over {settings['repetitions']} repetitions, each with a random half of them as "
-        "conditions, ± 95% intervals over other clips like these; FID is that to the other half. "
-        f"By chance R@1, 2, 3 are {chance}%.",
+        f"{settings['clips']} clips of held-out bodies and ways of making gestures; "
+        f"{about_repetitions(settings)} By chance R@1, 2, 3 are {chance}%.",
         f"The encoder is ours (seed {encoder['config']['seed']}, {encoder['clips']} clips, hash "
         f"{encoder['hash']}): scores under another one, such as the paper's, cannot be compared. "
         f"It tells {100 * apart:.1f}% of the real clips from the same bodies with others' hands.",

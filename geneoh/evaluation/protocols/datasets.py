@@ -18,18 +18,9 @@ import numpy as np
 from geneoh.choices import OTHER_SIDE, Dataset
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
-from geneoh.evaluation.protocols import synthetic
-from geneoh.evaluation.protocols.clips import (
-    Clip,
-    excerpts,
-    first_frame,
-    recordings_of,
-    unreadable_clip,
-    wrist_gap,
-)
-from geneoh.readers.base import SourceClip, clip_name
+from geneoh.evaluation.protocols import clips, synthetic
+from geneoh.readers.base import SourceClip
 from geneoh.readers.npz_files import load
-from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
 from geneoh.readers.sources.grab import frames_of_touch
 from geneoh.readers.sources.hoi4d import CATEGORIES
@@ -55,9 +46,9 @@ class Protocol:
 
     source: str  # name of the reader
     layout: str  # where the files are below the root, in words
-    pattern: str  # matches a file or folder in every complete copy
-    find: Callable[[Path], list[SourceClip]]  # the files of a copy that the protocol scores
-    cut: Callable[[SourceClip, ProtocolOptions], Iterator[Clip]]  # the clips of one file
+    folder: str  # of the files below the root
+    cut: Callable[[SourceClip, ProtocolOptions], Iterator[clips.Clip]]  # the clips of one file
+    scores: Callable[[SourceClip], bool] = lambda file: True  # which of the files
 
     @property
     def variable(self) -> str:
@@ -69,12 +60,13 @@ class Protocol:
         named = os.environ.get(self.variable)
         return given or (Path(named) if named else None)
 
-    def require(self, given: Path | None) -> Path:
-        """The root of the user's copy."""
-        root = self.root(given)
-        if root is not None and next(root.glob(self.pattern), None) is not None:
-            return root
-        about = SOURCES[self.source]
+    def files(self, given: Path | None) -> list[SourceClip]:
+        """The files of the user's copy that are scored; `MissingAssetError` where there is none."""
+        root, about = self.root(given), SOURCES[self.source]
+        folder = None if root is None else root.resolve() / self.folder
+        found = about.reader().find(folder) if folder and folder.exists() else []
+        if found:
+            return [file for file in found if self.scores(file)]
         got = "no folder was named" if root is None else f"there is none in {root}"
         raise MissingAssetError(
             f"{about.title}: expected a copy of the data set ({about.licence}), {got}; get it at "
@@ -83,25 +75,18 @@ class Protocol:
         )
 
 
-def find_grab(root: Path) -> list[SourceClip]:
-    """The files of the test objects."""
-    paths = sorted(root.glob("grab/s*/*.npz"))
-    tested = [path for path in paths if path.stem.split("_")[0] in TEST_OBJECTS]
-    return [SourceClip(f"{path.parent.name}/{path.stem}", path) for path in tested]
-
-
-def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
     """Each hand in the frames in which it alone holds the object, its wrist within reach.
 
     Split and filters are TOCH's: runs of at least one window at 30 frames a second.
     """
     contact = frames_of_touch(file)
-    for recording in recordings_of("grab", file, options.reader_options):
-        first, sequence = first_frame(recording, file), recording.sequence
+    for recording in clips.recordings_of("grab", file, options.reader_options):
+        first, sequence = clips.first_frame(recording, file), recording.sequence
         for hand in sequence.hands:
             other_touches = contact[OTHER_SIDE[hand.side]][first : first + sequence.frames]
-            kept = (wrist_gap(hand, sequence.object) <= REACH) & ~other_touches
-            yield from excerpts("grab", file, recording, hand.side, kept, options)
+            kept = (clips.wrist_gap(hand, sequence.object) <= REACH) & ~other_touches
+            yield from clips.excerpts("grab", file, recording, hand.side, kept, options)
 
 
 def category_of(file: SourceClip) -> str | None:
@@ -110,47 +95,30 @@ def category_of(file: SourceClip) -> str | None:
     return CATEGORIES.get(int(number)) if number.isdigit() else None
 
 
-def find_hoi4d(root: Path) -> list[SourceClip]:
-    """The sequences of nine categories.
-
-    The paper counts the sequences but does not name them, so every one is taken whose object is
-    annotated and whose hand is mostly seen.
-    """
-    folders = sorted(path.parent for path in root.glob(PROTOCOLS["hoi4d"].pattern))
-    found = [SourceClip(clip_name(folder, 7), folder.resolve()) for folder in folders]
-    return [file for file in found if category_of(file) in START_FRAMES]
-
-
-def cut_hoi4d(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+def cut_hoi4d(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
     """The first window at or after the category's first frame in which the object is known."""
     category = category_of(file)
     start = START_FRAMES[category] if category and options.start_frames == "paper" else 0
     one = options if options.windows == "whole" else replace(options, windows="first")
-    for recording in recordings_of("hoi4d", file, options.reader_options):
-        frames = np.arange(recording.sequence.frames) + first_frame(recording, file)
-        if found := excerpts("hoi4d", file, recording, "right", frames >= start, one):
+    for recording in clips.recordings_of("hoi4d", file, options.reader_options):
+        frames = np.arange(recording.sequence.frames) + clips.first_frame(recording, file)
+        if found := clips.excerpts("hoi4d", file, recording, "right", frames >= start, one):
             yield found[0]
             return
 
 
-def find_arctic(root: Path) -> list[SourceClip]:
-    """The sequences of the test subject, s01."""
-    paths = sorted(root.glob(PROTOCOLS["arctic"].pattern))
-    return [SourceClip(f"s01/{path.name.removesuffix('.mano.npy')}", path) for path in paths]
-
-
-def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
     """Windows of the right hand; one with a single frame out of reach is left out."""
     reach = REACH if options.reach == "paper" else math.sqrt(REACH)
-    for recording in recordings_of("arctic", file, options.reader_options):
+    for recording in clips.recordings_of("arctic", file, options.reader_options):
         every, far = np.ones(recording.sequence.frames, dtype=bool), None
         for hand in recording.sequence.hands:
             if hand.side == "right" and options.windows != "whole":
-                far = wrist_gap(hand, recording.sequence.object) > reach
-        yield from excerpts("arctic", file, recording, "right", every, options, without=far)
+                far = clips.wrist_gap(hand, recording.sequence.object) > reach
+        yield from clips.excerpts("arctic", file, recording, "right", every, options, without=far)
 
 
-def _example(root: Path | None) -> Clip | None:
+def _example(root: Path | None) -> clips.Clip | None:
     """TACO's example recording: 146 frames of a left hand with its object (CC BY 4.0).
 
     Without `root` it is the installed one; None when `root` holds no example.
@@ -160,7 +128,7 @@ def _example(root: Path | None) -> Clip | None:
     places = (package / "examples", package.parent / "examples") if root is None else (root,)
     for folder in places:
         if (folder / TRACK).is_file() and (folder / MESH).is_file():
-            return Clip(EXAMPLE, partial(load, folder / TRACK, obj=folder / MESH))
+            return clips.Clip(EXAMPLE, partial(load, folder / TRACK, obj=folder / MESH))
     if root is None:
         raise MissingAssetError(
             f"taco: expected the example {TRACK} with {MESH} in {places[0]}, got neither; install "
@@ -169,32 +137,33 @@ def _example(root: Path | None) -> Clip | None:
     return None
 
 
-def find_taco(root: Path) -> list[SourceClip]:
-    """Every sequence of the user's copy; the paper gives no protocol for TACO."""
-    return source_named("taco").reader().find(root / "Hand_Poses")
-
-
-def cut_taco(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+def cut_taco(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
     """Windows of both hands, each with the object it holds and its wrist within reach."""
-    for recording in recordings_of("taco", file, options.reader_options):
+    for recording in clips.recordings_of("taco", file, options.reader_options):
         (hand,) = recording.sequence.hands
-        near = wrist_gap(hand, recording.sequence.object) <= REACH
-        yield from excerpts("taco", file, recording, hand.side, near, options)
+        near = clips.wrist_gap(hand, recording.sequence.object) <= REACH
+        yield from clips.excerpts("taco", file, recording, hand.side, near, options)
 
 
 GRAB = Protocol(
-    "grab", "grab/s1 to s10 and tools/object_meshes", "grab/s*/*.npz", find_grab, cut_grab
+    *("grab", "grab/s1 to s10 and tools/object_meshes", "grab", cut_grab),
+    scores=lambda file: file.path.stem.split("_")[0] in TEST_OBJECTS,
 )
 HOI4D_LAYOUT = "HOI4D_annotations, handpose/refinehandpose_right and HOI4D_CAD_Model_for_release"
-HOI4D_FOLDERS = "HOI4D_annotations/*/*/*/*/*/*/*/objpose"
-ARCTIC_LAYOUT, ARCTIC_FILES = "raw_seqs/s01 and meta/object_vtemplates", "raw_seqs/s01/*.mano.npy"
-TACO_LAYOUT, TACO_FILES = "Hand_Poses, Object_Poses and Object_Models", "Hand_Poses/*/*/*_hand.pkl"
+ARCTIC_LAYOUT = "raw_seqs/s01 and meta/object_vtemplates"
+TACO_LAYOUT = "Hand_Poses, Object_Poses and Object_Models"
+# The paper counts HOI4D's sequences but does not name them, so every one of its nine categories is
+# taken whose object is annotated and whose hand is mostly seen. Of ARCTIC it tests on subject s01;
+# for TACO it gives no protocol.
 PROTOCOLS: dict[Dataset, Protocol] = {
     "grab": GRAB,
     "grab-beta": GRAB,
-    "hoi4d": Protocol("hoi4d", HOI4D_LAYOUT, HOI4D_FOLDERS, find_hoi4d, cut_hoi4d),
-    "arctic": Protocol("arctic", ARCTIC_LAYOUT, ARCTIC_FILES, find_arctic, cut_arctic),
-    "taco": Protocol("taco", TACO_LAYOUT, TACO_FILES, find_taco, cut_taco),
+    "hoi4d": Protocol(
+        *("hoi4d", HOI4D_LAYOUT, "HOI4D_annotations", cut_hoi4d),
+        scores=lambda file: category_of(file) in START_FRAMES,
+    ),
+    "arctic": Protocol("arctic", ARCTIC_LAYOUT, "raw_seqs/s01", cut_arctic),
+    "taco": Protocol("taco", TACO_LAYOUT, "Hand_Poses", cut_taco),
 }
 """Of every data set but `synthetic`."""
 
@@ -229,7 +198,7 @@ def _refuse_unused(name: str, options: ProtocolOptions) -> None:
 
 def clips_by_file(
     dataset: Dataset, root: Path | None, options: ProtocolOptions
-) -> Iterator[list[Clip]]:
+) -> Iterator[list[clips.Clip]]:
     """The clips of each file of a data set, in an order that mixes objects and people.
 
     The copy is looked for at once; its files are read one by one as they are asked for, and one
@@ -243,17 +212,16 @@ def clips_by_file(
     if clip is not None:
         return iter([[clip]])
     protocol = PROTOCOLS[dataset]
-    found = protocol.find(protocol.require(root))
-    ordered = sorted(found, key=lambda file: seed_of("order", file.name))
+    ordered = sorted(protocol.files(root), key=lambda file: seed_of("order", file.name))
     return (_clips_of(protocol, file, options) for file in ordered)
 
 
-def _clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) -> list[Clip]:
+def _clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) -> list[clips.Clip]:
     """The clips of one file; a damaged file does not keep the others from being scored."""
     try:
         return list(protocol.cut(file, options))
     except (InputError, MissingAssetError) as error:
-        return [unreadable_clip(file.name, error)]
+        return [clips.unreadable_clip(file.name, error)]
 
 
 def spread_over_groups(groups: Iterable[Sequence[Item]], limit: int | None) -> list[Item]:

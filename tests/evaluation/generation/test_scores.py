@@ -36,7 +36,7 @@ def test_every_column_of_the_table_has_a_score():
 
 def test_shifted_row_is_as_far_as_the_shift_and_real_clips_near():
     real, other = scored(drawn(), VERBS), scored(drawn(shift=2.0, seed=1), VERBS)
-    found = repeat(real, {"real": real, "shifted": other}, seed=0, repetitions=5, scores=SCORES)
+    found = repeat({"real": real, "shifted": other}, seed=0, repetitions=5, scores=SCORES)
     assert found["real"].cells["fid"].mean < 0.1
     assert found["shifted"].cells["fid"].mean == pytest.approx(12, rel=0.1)
     assert len(found["real"].values["fid"]) == 5
@@ -44,7 +44,7 @@ def test_shifted_row_is_as_far_as_the_shift_and_real_clips_near():
 
 def test_shares_are_percentages_and_depths_millimetres():
     real = scored(drawn(), VERBS, realism=0.5, depth_mm=2.0, moved_alone=math.nan)
-    cells = repeat(real, {"real": real}, seed=0, repetitions=3, scores=SCORES)["real"].cells
+    cells = repeat({"real": real}, seed=0, repetitions=3, scores=SCORES)["real"].cells
     assert cells["accuracy"].mean == 100
     assert cells["realism"].mean == pytest.approx(50)
     assert cells["depth_mm"].mean == pytest.approx(2)
@@ -55,7 +55,7 @@ def test_one_seed_gives_the_same_scores_and_another_seed_others():
     real = scored(drawn(), VERBS)
 
     def once(seed: int) -> list[float]:
-        return repeat(real, {"real": real}, seed=seed, repetitions=2, scores=SCORES)["real"].values[
+        return repeat({"real": real}, seed=seed, repetitions=2, scores=SCORES)["real"].values[
             "diversity"
         ]
 
@@ -69,7 +69,6 @@ def test_scores_under_several_classifiers_are_averaged_within_each_repetition():
 
 def test_multimodality_is_less_than_diversity_where_verbs_differ():
     apart = drawn() + 5 * VERBS[:, None]
-    cells = repeat(
-        scored(apart, VERBS), {"a": scored(apart, VERBS)}, seed=0, repetitions=4, scores=SCORES
-    )["a"].cells
+    rows = {"a": scored(apart, VERBS)}
+    cells = repeat(rows, seed=0, repetitions=4, scores=SCORES)["a"].cells
     assert cells["multimodality"].mean < 0.5 * cells["diversity"].mean

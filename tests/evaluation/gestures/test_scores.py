@@ -42,7 +42,7 @@ def test_every_measure_has_a_score():
 def test_sentences_that_are_their_clips_find_them_and_shuffled_ones_do_not():
     real = scored(drawn())
     wrong = scored(drawn().roll(1, 0), told=drawn())
-    rows = repeat(real, {"real": real, "wrong": wrong}, seed=0, repetitions=4, scores=SCORES)
+    rows = repeat({"real": real, "wrong": wrong}, seed=0, repetitions=4, scores=SCORES)
     right, chance = rows["real"].cells, rows["wrong"].cells
     assert right["top1"].mean == 100
     assert right["mm_distance"].mean == pytest.approx(0, abs=1e-3)
@@ -56,7 +56,7 @@ def test_sentences_that_are_their_clips_find_them_and_shuffled_ones_do_not():
 def test_multimodality_is_of_answers_to_one_question_and_else_none():
     real = scored(drawn())
     several = scored(drawn(), several=4)
-    rows = repeat(real, {"a": real, "b": several}, seed=0, repetitions=2, scores=SCORES)
+    rows = repeat({"a": real, "b": several}, seed=0, repetitions=2, scores=SCORES)
     assert torch.tensor(rows["a"].values["multimodality"]).isnan().all()
     assert rows["b"].cells["multimodality"].mean > 1
 
@@ -68,7 +68,7 @@ def test_the_interval_of_the_multimodality_is_that_over_other_bodies_and_sentenc
         sizes = 0.5 + torch.rand(prompts, 1, 1, generator=generator)
         made = scored(drawn())
         made = replace(made, several=sizes * torch.randn(prompts, 5, 6, generator=generator))
-        rows = repeat(made, {"made": made}, seed=0, repetitions=20, scores=SCORES)
+        rows = repeat({"made": made}, seed=0, repetitions=20, scores=SCORES)
         return rows["made"].cells["multimodality"]
 
     cells = [interval_of(16) for _ in range(8)]
