@@ -57,18 +57,16 @@ def make_hands(
     **chosen: Any,
 ) -> None:
     """Give the body of a file hands, write it in each of the formats, and tell what was done."""
-    from geneoh.files.outputs import check_ending, check_outputs
+    from geneoh.files.outputs import check_outputs
 
     options.refuse_unit_without(obj)
     if len(obj) > 1:
         raise click.UsageError(f"--obj is of one mesh with --body, got {len(obj)}; name one")
     outputs = outputs or (body.with_name(f"{body.stem}_hands.npz"),)
-    for output in outputs:
-        check_ending(output, ENDINGS)
     reading = {name: chosen.pop(name) for name in ("clip", "fps", "up")}
     reading["model"] = chosen.pop("skeleton")
     read = [body, *obj, object_pose, reading["model"]]
-    check_outputs(outputs, inputs=read, overwrite=overwrite)
+    check_outputs(outputs, endings=ENDINGS, inputs=read, overwrite=overwrite)
 
     from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
     from geneoh.generators.sentences import prompt_text

@@ -99,7 +99,7 @@ eval_options = options.together(
         "-o --output folder: Folder for the scores and the report.  [default: runs/eval/DATASET]",
         FOLDER,
     ),
-    option("--jobs: Number of processes.  [default: one for each core]", COUNT),
+    options.jobs,
     flag("--fresh: Throw earlier scores and pages in the folder away."),
     flag("--pages: Also write a page in 3D of every clip that geneoh cleans."),
 )

@@ -161,6 +161,9 @@ mano = option(
     envvar="GENEOH_MANO_DIR",
     show_envvar=True,
 )
+reading = together(mano, side_and_fps)
+"""What files may leave open, to read them by."""
+jobs = option("--jobs: Number of processes.  [default: one for each core]", COUNT)
 trust_and_refine = together(
     flag(
         "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "

@@ -25,7 +25,7 @@ TOLD = 5
     "that the file names.",
     options.FILE,
 )
-@option("--jobs: Number of processes.  [default: one for each core]", options.COUNT)
+@options.jobs
 @option("--ray: Work on a Ray cluster instead: its address, auto, or local.", metavar="ADDRESS")
 @options.cleaning
 @sources.reader_options

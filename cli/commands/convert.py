@@ -24,8 +24,7 @@ from .. import options, progress, sources
 @options.flag("--check: Compare the files with their convention and report contradictions.")
 @options.many(f"--obj: {options.OBJ_HELP} For sources without an object.", options.FILE)
 @options.overwrite
-@options.mano
-@options.side_and_fps
+@options.reading
 @sources.reader_options
 def convert(
     source: str,

@@ -17,8 +17,7 @@ from .. import options
 @options.option("--noise: Noise on the hand.", Choice(NOISES))
 @options.option("--object-noise: Noise on the poses of the object.", Choice(OBJECT_NOISES))
 @options.seed
-@options.mano
-@options.side_and_fps
+@options.reading
 @options.output
 def corrupt(
     clean: Path,
@@ -38,7 +37,7 @@ def corrupt(
     """
     import torch
 
-    from geneoh.files.outputs import check_ending, check_outputs
+    from geneoh.files.outputs import check_outputs
     from geneoh.readers.npz_files import load, save_sequence
     from geneoh.sequence.noise import corrupt_sequence
     from geneoh.sequence.object_noise import corrupt_object
@@ -47,8 +46,7 @@ def corrupt(
         raise click.UsageError("Missing option '--noise' or '--object-noise'")
     name = "_".join(kind for kind in (noise, object_noise) if kind)
     output = output or clean.with_name(f"{clean.stem}_{name}.npz")
-    check_ending(output, (".npz",))
-    check_outputs([output], inputs=[clean], overwrite=overwrite)
+    check_outputs([output], endings=(".npz",), inputs=[clean], overwrite=overwrite)
     noisy = load(clean, mano_dir=mano, **how)
     generator = torch.Generator().manual_seed(seed)
     if noise is not None:

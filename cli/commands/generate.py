@@ -105,13 +105,12 @@ def generate(
         bodies.make_hands(sentence, body, obj=obj, **files, **chosen)
         return
     from geneoh.errors import InputError
-    from geneoh.files.outputs import check_ending, check_outputs
+    from geneoh.files.outputs import check_outputs
 
     output, *more = outputs or (obj[0].with_name(f"{obj[0].stem}_generated.npz"),)
     if more:
         raise InputError(f"{more[0]}: expected one file with --obj, got {len(outputs)}; name one")
-    check_ending(output, (".npz",))
-    check_outputs([output], inputs=obj, overwrite=overwrite)
+    check_outputs([output], endings=(".npz",), inputs=obj, overwrite=overwrite)
 
     from geneoh.generators.sentences import prompt_text
     from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated

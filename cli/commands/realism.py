@@ -16,8 +16,7 @@ from .. import options
     "--augmented: Compare the synthetic hands with the augmentation that training puts on them."
 )
 @options.output
-@options.mano
-@options.side_and_fps
+@options.reading
 def realism(
     recording: Path,
     obj: tuple[Path, ...],
@@ -39,11 +38,11 @@ def realism(
     from geneoh.evaluation.realism import measure_realism, table
     from geneoh.files.atomic import write_whole
     from geneoh.files.json_text import json_text
-    from geneoh.files.outputs import check_ending, check_outputs
+    from geneoh.files.outputs import check_outputs
 
     if output is not None:
-        check_ending(output, (".json",))
-        check_outputs([output], inputs=[recording, *obj, data], overwrite=overwrite)
+        read = [recording, *obj, data]
+        check_outputs([output], endings=(".json",), inputs=read, overwrite=overwrite)
     augmented = asked.pop("augmented")
     sequence = geneoh.load(recording, obj=obj, mano_dir=mano, **asked)
     report = measure_realism(sequence, data, augmented=augmented)

@@ -40,8 +40,7 @@ from ..options import FILE, OBJ_HELP, flag, many, option
 @flag("--serve: Show many results live, sorted by a measure.")
 @option("--port: Network port of --serve.", click.IntRange(0, 65535), 8080)
 @options.unit
-@options.mano
-@options.side_and_fps
+@options.reading
 def view(
     files: tuple[Path, ...],
     obj: tuple[Path, ...],
@@ -56,7 +55,6 @@ def view(
     FILES are RESULT [BEFORE], in any layout that geneoh reads. Writes RESULT.html unless -o names
     other files. With --serve, FILES are results, and NAME.npz beside NAME_clean.npz is its input.
     """
-    from contextlib import suppress
     from dataclasses import replace
     from functools import partial
 
@@ -78,19 +76,7 @@ def view(
     up = chosen.pop("up")
     look = Look(up=up or "z", **chosen)
     if serve:
-        from geneoh.viz.serve import Gallery, gallery_items
-
-        with progress.progress_bars() as on_progress:
-            items, left_out = gallery_items(
-                files, obj, opened, on_step=partial(on_progress, "results")
-            )
-        for words in left_out:
-            click.echo(f"left out: {words}", err=True)
-        gallery = Gallery(items, up=look.upward, port=port)
-        click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
-        with suppress(KeyboardInterrupt):
-            gallery.run()
-        return
+        return _serve(files, obj, opened, look.upward, port)
     if len(files) > 2:
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
     check_scene_outputs(outputs, inputs=[*files, *obj], overwrite=overwrite)
@@ -107,6 +93,23 @@ def view(
         with progress.progress_bars() as on_progress:
             written = write(scene, output, look, on_step=partial(on_progress, output.name))
         click.echo(f"wrote {written}")
+
+
+def _serve(files: tuple[Path, ...], obj: tuple[Path, ...], opened: Any, up: Any, port: int) -> None:
+    """Show many results live until Ctrl-C; `opened` makes the scene of one."""
+    from contextlib import suppress
+    from functools import partial
+
+    from geneoh.viz.serve import Gallery, gallery_items
+
+    with progress.progress_bars() as on_progress:
+        items, left_out = gallery_items(files, obj, opened, on_step=partial(on_progress, "results"))
+    for words in left_out:
+        click.echo(f"left out: {words}", err=True)
+    gallery = Gallery(items, up=up, port=port)
+    click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
+    with suppress(KeyboardInterrupt):
+        gallery.run()
 
 
 def _refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
