@@ -3,28 +3,23 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any
 
 import torch
-from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.bundle import Bundle
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.files.journal import only_run_in
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
-from geneoh.seeds import seed_of
-from geneoh.synthesis.draws import Part
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.processes import Team, noted_interrupts
 from geneoh.training.resume import TrainState, refuse_other_run, run_record, write_log
 from geneoh.training.run_config import RunConfig
-
-AnyBatch = TypeVar("AnyBatch", bound=Bundle)
+from geneoh.training.tasks import MicroBatch, Task
 
 
 @dataclass(frozen=True)
@@ -36,83 +31,6 @@ class Progress:
     loss: float
     error_left: float | None
     """What the task measures on its validation data; None between validations."""
-
-
-@runtime_checkable
-class MicroBatch(Protocol):
-    """Samples of a batch on which the loss is taken at once."""
-
-    def loss(self, model: Any) -> Tensor:
-        """What the samples add to the loss of the batch."""
-        ...
-
-
-@runtime_checkable
-class Task(Protocol):
-    """What a run learns: a network, where its batches come from, and how it is validated."""
-
-    @property
-    def name(self) -> str:
-        """Name of the run's files."""
-        ...
-
-    @property
-    def config(self) -> RunConfig:
-        """Settings of the run."""
-        ...
-
-    def network(self) -> nn.Module:
-        """A fresh network on the CPU, initialised from the config's seed."""
-        ...
-
-    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[MicroBatch]:
-        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
-        ...
-
-    def before_step(self, state: TrainState) -> None:
-        """Change the state before a step, where a run has several phases."""
-        ...
-
-    def validate(self, model: Any, index: int) -> Float[Tensor, ""]:
-        """The error of a network on a fixed validation batch."""
-        ...
-
-    def record(self) -> dict[str, Any]:
-        """What a checkpoint tells of stage, config and data; see `resume.COMPARED`."""
-        ...
-
-
-class OnePhase:
-    """A task whose state nothing changes between the steps."""
-
-    def before_step(self, state: TrainState) -> None:
-        """Nothing: a run has one phase."""
-
-
-@contextmanager
-def first_weights(*parts: object) -> Iterator[None]:
-    """Networks that are made in the block get random weights by `seed_of` these values.
-
-    Outside of the block torch's global random numbers go on as without it.
-    """
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed_of(*parts))
-        yield
-
-
-def own_part(config: RunConfig, team: Team) -> Part:
-    """Which items of every batch this process works on."""
-    return Part(0, config.batch, config.batch).divided(team.size)[team.rank]
-
-
-def divided_batch(
-    batch: AnyBatch, generator: torch.Generator, own: Part, pieces: int
-) -> Iterator[tuple[AnyBatch, torch.Generator, Part]]:
-    """The items of a process in pieces, each with a copy of the generator after the draw."""
-    for part in own.divided(pieces):
-        rows = slice(part.first - own.first, part.first - own.first + part.count)
-        again = torch.Generator().set_state(generator.get_state())
-        yield batch.take(rows, "B"), again, part
 
 
 def learning_rate(step: int, config: RunConfig) -> float:

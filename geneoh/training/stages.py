@@ -19,14 +19,14 @@ from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
-from geneoh.synthesis.draws import Draws, Part
+from geneoh.synthesis.draws import Part
 from geneoh.synthesis.motion import Interactions
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import divided_batch, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState, digest
+from geneoh.training.tasks import SamplesPiece, divided_batch, first_weights, own_part
 from geneoh.training.windows import WeightedInteractions
 
 Loss = Callable[..., Tensor]
@@ -59,22 +59,8 @@ def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
 
 
 @dataclass(frozen=True)
-class StagePiece:
-    """Windows of a batch on which the loss is taken at once."""
-
-    batch: Batch
-    draws: Draws  # for these windows of the batch
-    of: Loss
-
-    def loss(self, model: nn.Module) -> Tensor:
-        """What the windows add to the loss of the batch."""
-        share = self.draws.batch / self.draws.total
-        return share * self.of(model, self.batch, self.draws)
-
-
-@dataclass(frozen=True)
 class StageTask:
-    """One stage, learned from interactions; a `loop.Task`."""
+    """One stage, learned from interactions; a `training.tasks.Task`."""
 
     name: StageName
     config: TrainConfig
@@ -108,15 +94,15 @@ class StageTask:
         )
         return batch, generator
 
-    def pieces(self, step: int, team: Team, device: torch.device) -> list[StagePiece]:
+    def pieces(self, step: int, team: Team, device: torch.device) -> list[SamplesPiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
         own = own_part(self.config, team)
         batch, generator = self.batch(self.data, "step", step, device=device, part=own)
         pieces, loss = [], loss_of(self.name, step, self.config)
-        for piece, again, part in divided_batch(batch, generator, own, self.config.accumulate):
+        for piece, draws in divided_batch(batch, generator, own, self.config.accumulate):
             if self.name == "motion":
                 _ = piece.motion.network_input  # made and kept here, in parallel to the step before
-            pieces.append(StagePiece(piece, Draws(part.count, again, part), loss))
+            pieces.append(SamplesPiece(piece, draws, loss))
         return pieces
 
     def before_step(self, state: TrainState) -> None:

@@ -12,8 +12,8 @@ from geneoh.denoisers.library import stage_weights
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import Task
 from geneoh.training.stages import build_model
+from geneoh.training.tasks import Task
 
 
 def started_from(

@@ -18,10 +18,10 @@ from geneoh.config import as_dict
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import VERBS, Actions
-from geneoh.training.loop import OnePhase, first_weights
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
+from geneoh.training.tasks import OnePhase, first_weights
 
 SEEN = 15  # frames of a clip (paper)
 SCALE = 5.0  # positions in the scene times this are numbers of about one, 1/m
@@ -92,7 +92,7 @@ class LabelledClips:
 
 @dataclass(frozen=True)
 class ClassifierTask(OnePhase):
-    """Learning verbs from real clips; a `training.loop.Task`."""
+    """Learning verbs from real clips; a `training.tasks.Task`."""
 
     config: ClassifierConfig
     clips: Actions

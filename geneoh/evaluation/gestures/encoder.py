@@ -29,10 +29,10 @@ from geneoh.metrics.features import retrieval
 from geneoh.nn.blocks import sinusoid
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.training.loop import OnePhase, first_weights
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
+from geneoh.training.tasks import OnePhase, first_weights
 
 SEEN = 30  # frames of a clip, from its first to its last
 AT_ONCE = 64  # clips whose features are made together
@@ -160,7 +160,7 @@ POOL = 32  # clips among which the right one is looked for (paper)
 
 @dataclass(frozen=True)
 class EncoderTask(OnePhase):
-    """Learning which sentence belongs to which clip; a `training.loop.Task`."""
+    """Learning which sentence belongs to which clip; a `training.tasks.Task`."""
 
     config: EncoderConfig
     clips: Gestures

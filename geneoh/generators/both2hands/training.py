@@ -1,7 +1,8 @@
 """The networks of BOTH2Hands as tasks of the training loop."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -18,13 +19,12 @@ from geneoh.generators.both2hands.denoiser import BodyHands, HandsDenoiser, Text
 from geneoh.generators.both2hands.features import HandsFrame, Scale, hand_features, placed
 from geneoh.generators.both2hands.library import Branches, Speech
 from geneoh.generators.both2hands.scene import PlacedBodies, both_answers
-from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.data import TrainingData
-from geneoh.training.loop import first_weights
 from geneoh.training.resume import digest
+from geneoh.training.tasks import SamplesTask, first_weights
 
 MOST = 256  # clips of which the scale of features is taken
 CHUNK = 64  # clips whose features are made at once
@@ -56,7 +56,7 @@ class GestureSamples(Bundle):
 
 @dataclass(frozen=True)
 class HandsTask(SamplesTask):
-    """One network of BOTH2Hands, learned from clips of bodies; a `geneoh.training.loop.Task`."""
+    """One network of BOTH2Hands, learned from clips of bodies; a `training.tasks.Task`."""
 
     name: BodyStage
     config: Both2HandsConfig
@@ -66,10 +66,9 @@ class HandsTask(SamplesTask):
     branches: Branches | None = None  # the networks that are blended
     scale: Scale | None = None  # of hands, instead of that of the data
 
-    @property
-    def loss(self) -> Loss:
+    def loss(self, model: Any, samples: GestureSamples, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network."""
-        return partial(task_loss, branches=self.branches)
+        return task_loss(model, samples, self.config, draws, self.branches)
 
     def network(self) -> nn.Module:
         """A fresh network with the scales of the data, or with the one that is given."""
@@ -101,29 +100,27 @@ class HandsTask(SamplesTask):
         body = self.config.body_hands if self.branches is None else self.branches.body.config
         return "wrist" if self.name == "text_hands" else body.frame
 
-    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+    def drawn(
+        self, training: bool, own: Part, pieces: int, *parts: object
+    ) -> Iterator[tuple[GestureSamples, Draws]]:
         """GestureSamples of which each piece is drawn for itself."""
         for part in own.divided(pieces):
-            yield *self.samples(training, part, *parts), part
+            generator = seeded_generator(self.config.seed, self.name, *parts)
+            draws = Draws(part.count, generator, part)
+            yield self.samples(training, draws), draws
 
-    def samples(
-        self, training: bool, part: Part, *parts: object
-    ) -> tuple[GestureSamples, torch.Generator]:
-        """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
+    def samples(self, training: bool, draws: Draws) -> GestureSamples:
+        """Random clips, each with a random one of its sentences."""
         data = self.data.training if training else self.data.validation
-        generator = seeded_generator(self.config.seed, self.name, *parts)
-        draws = Draws(part.count, generator, part)
         pick = draws.integers(0, len(data.length))
         which = draws.integers(0, data.joined.shape[1])
         said = self.speech([str(data.joined[n, m]) for n, m in zip(pick, which, strict=True)])
-        real = torch.arange(data.root.shape[1]) < data.length[pick, None]
+        real, gesture = data.before_end[pick], data.gesture[pick]
         if self.name == "blend":
             scene = scene_of(data.take(pick, "B"), self.frame)
-            features = Features.of(scene, self.frame)
-            return GestureSamples(features, real, said, data.gesture[pick], scene), generator
+            return GestureSamples(Features.of(scene, self.frame), real, said, gesture, scene)
         kept = self.kept if training else self.kept_validation
-        features = kept.take(pick, "B").map(Tensor.float)
-        return GestureSamples(features, real, said, data.gesture[pick]), generator
+        return GestureSamples(kept.take(pick, "B").map(Tensor.float), real, said, gesture)
 
     def learned_from(self) -> dict[str, Any]:
         """Fingerprints of the clips and of the networks that are blended, and the vocabulary."""
@@ -244,7 +241,7 @@ def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
     """Set the scales of a network's features by clips of the data."""
     some = slice(None, None, -(-len(data.length) // MOST))
     features = kept.take(some, "B").map(Tensor.float)
-    real = torch.arange(data.root.shape[1]) < data.length[some, None]
+    real = data.before_end[some]
     scaling = network.config.scaling
     network.scale.fit(features.hands, real, scaling)
     if isinstance(network, BodyHands):

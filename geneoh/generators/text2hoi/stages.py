@@ -17,8 +17,8 @@ from geneoh.generators.text2hoi.training import ActionTask, LengthTask, LengthTr
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.training.data import DataSource, TrainingData
-from geneoh.training.loop import Task
 from geneoh.training.run_config import stage_config
+from geneoh.training.tasks import Task
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Stage "text" of the generator: the text encoder learns what sentences mean."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -13,7 +14,6 @@ from torch.nn import functional
 from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict, check_limits
 from geneoh.generators.pieces import marked, piece_numbers, words_of
-from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.generators.text2hoi import text_data
 from geneoh.generators.text2hoi.captions import caption
 from geneoh.generators.text2hoi.text_data import Sentences, draw_sentences
@@ -22,9 +22,9 @@ from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import VERBS
-from geneoh.synthesis.draws import Part
-from geneoh.training.loop import divided_batch, first_weights
+from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.run_config import RunConfig
+from geneoh.training.tasks import SamplesTask, divided_batch, first_weights
 
 KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
 """Kinds of validation sentences."""
@@ -94,17 +94,18 @@ class TextTask(SamplesTask):
         generator = seeded_generator(self.config.seed, "text", "pieces")
         return text_data.vocabulary(self.config.text.pieces, generator=generator)
 
-    @property
-    def loss(self) -> Loss:
-        """The loss of the network."""
-        return lambda network, batch, config, _: text_loss(network, batch, config)
+    def loss(self, model: TextNetwork, samples: Sentences, draws: Draws) -> Float[Tensor, ""]:
+        """The loss of the network, which draws nothing."""
+        return text_loss(model, samples, self.config)
 
     def network(self) -> TextNetwork:
         """A fresh network."""
         with first_weights(self.config.seed, "text", "weights"):
             return TextNetwork(self.config.text)
 
-    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+    def drawn(
+        self, training: bool, own: Part, pieces: int, *parts: object
+    ) -> Iterable[tuple[Sentences, Draws]]:
         """Sentences of the whole batch, of which this process's are kept."""
         config = self.config
         generator = seeded_generator(config.seed, self.name, *parts, 0)

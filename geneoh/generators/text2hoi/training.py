@@ -1,8 +1,7 @@
 """The networks of Text2HOI as tasks of the training loop, and the loss of each on samples."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import torch
@@ -11,7 +10,6 @@ from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
 from geneoh.choices import ActionStage
-from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
@@ -26,14 +24,14 @@ from geneoh.generators.text2hoi.tokens import Tokens, actions_of, tokens_of
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.data import TrainingData
-from geneoh.training.loop import divided_batch, first_weights
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
+from geneoh.training.tasks import SamplesTask, divided_batch, first_weights
 
 
 @dataclass(frozen=True)
 class ActionTask(SamplesTask):
-    """One network of Text2HOI, learned from actions; a `geneoh.training.loop.Task`."""
+    """One network of Text2HOI, learned from actions; a `training.tasks.Task`."""
 
     name: ActionStage
     config: Text2HoiConfig
@@ -42,14 +40,13 @@ class ActionTask(SamplesTask):
     contact: ContactNetwork | None = None  # of which later networks are told estimated maps
     interaction: InteractionNetwork | None = None  # whose clips the refiner learns to refine
 
-    @property
-    def loss(self) -> Loss:
+    def loss(self, model: Any, samples: ActionSamples, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network."""
         if self.name == "contact":
-            return contact_task_loss
+            return contact_task_loss(model, samples, self.config, draws)
         if self.interaction is not None:
-            return partial(refiner_task_loss, self.interaction)
-        return interaction_loss
+            return refiner_task_loss(self.interaction, model, samples, self.config, draws)
+        return interaction_loss(model, samples, self.config, draws)
 
     def network(self) -> nn.Module:
         """A fresh network, made for the text encoder and with the scales of the data."""
@@ -66,7 +63,9 @@ class ActionTask(SamplesTask):
             network.object.points.requires_grad_(False)
         return network
 
-    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+    def drawn(
+        self, training: bool, own: Part, pieces: int, *parts: object
+    ) -> Iterable[tuple[ActionSamples, Draws]]:
         """ActionSamples that are drawn together and then divided."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, *parts)
@@ -112,17 +111,20 @@ class LengthTask(SamplesTask):
     encoder: TextEncoder
     name: str = "length"
 
-    @property
-    def loss(self) -> Loss:
+    def loss(self, model: LengthNetwork, samples: LengthSamples, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network."""
-        return length_task_loss
+        noise = draws.normal(model.config.latent).to(samples.text)
+        length, weight = samples.length, self.config.divergence
+        return length_loss(model, length, samples.text, divergence=weight, noise=noise)
 
     def network(self) -> LengthNetwork:
         """A fresh network."""
         with first_weights(self.config.seed, self.name, "weights"):
             return LengthNetwork(self.config.length)
 
-    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+    def drawn(
+        self, training: bool, own: Part, pieces: int, *parts: object
+    ) -> Iterable[tuple[LengthSamples, Draws]]:
         """Random actions with a random sentence each."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, self.name, *parts)
@@ -134,15 +136,6 @@ class LengthTask(SamplesTask):
     def learned_from(self) -> dict[str, Any]:
         """Fingerprints of the actions and of the text encoder."""
         return actions_record(self.data, self.encoder)
-
-
-def length_task_loss(
-    network: LengthNetwork, samples: LengthSamples, config: LengthTrainConfig, draws: Draws
-) -> Float[Tensor, ""]:
-    """The loss of the length network."""
-    noise = draws.normal(network.config.latent).to(samples.text)
-    length, weight = samples.length, config.divergence
-    return length_loss(network, length, samples.text, divergence=weight, noise=noise)
 
 
 def contact_task_loss(

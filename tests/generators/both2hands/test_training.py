@@ -30,8 +30,8 @@ def test_the_scale_of_the_data_lies_in_the_weights(tmp_path, stage):
 
 def test_the_sentence_counts_in_the_loss_of_the_blend():
     task = tiny_task("blend")
-    samples, generator = task.samples(True, WHOLE, "step", 0)
-    state = generator.get_state()
+    ((samples, draws),) = task.drawn(True, WHOLE, 1, "step", 0)
+    state = draws.generator.get_state()
 
     def loss(said):
         draws = Draws(WHOLE.count, torch.Generator().set_state(state))
@@ -49,7 +49,7 @@ def test_a_clip_is_learned_with_a_sentence_of_its_own():
         heard.extend(sentences)
         return speech(sentences)
 
-    samples, _ = replace(task, speech=listen).samples(True, WHOLE, "step", 0)
+    ((samples, _),) = replace(task, speech=listen).drawn(True, WHOLE, 1, "step", 0)
     rests = samples.scene.motion.rotations[:, 0, 22:37].flatten(1)
     for row, sentence in enumerate(heard):
         own = [n for n, said in enumerate(task.data.training.joined) if sentence in said]
@@ -60,15 +60,14 @@ def test_a_clip_is_learned_with_a_sentence_of_its_own():
 def test_the_paper_s_target_is_the_weighted_mean_of_both_answers():
     config = replace(TINY, target="mean")
     task = tiny_task("blend", config)
-    samples, generator = task.samples(True, WHOLE, "step", 0)
-    draws = Draws(WHOLE.count, generator)
+    ((samples, draws),) = task.drawn(True, WHOLE, 1, "step", 0)
     found, target = blended_answers(task.network(), task.branches, samples, config, draws)
     torch.testing.assert_close(found, target)  # ours begins with that mean
 
 
 def test_what_hands_do_is_learned_out_of_sentences_where_it_is_known():
     task, network = tiny_task("text_hands"), tiny_networks().text.requires_grad_(True)
-    samples, _ = task.samples(True, WHOLE, "step", 0)
+    ((samples, _),) = task.drawn(True, WHOLE, 1, "step", 0)
     chance = torch.tensor(float(network.config.gestures)).log()
     assert (naming_loss(network, samples) - chance).abs() < 1
     naming_loss(network, samples).backward()

@@ -37,13 +37,13 @@ def test_batches_hold_lengths_and_sentences_of_the_same_actions():
     (piece,) = task(data=ActionData(Streamed.of([actions]), NAMES)).pieces(0, Team(), CPU)
     assert piece.samples.text.shape == (8, WordEncoder.width)
     assert set(piece.samples.length.tolist()) <= set(range(10, 10 + len(VERBS)))
-    assert piece.part.count == piece.part.total
+    assert piece.draws.batch == piece.draws.total
 
 
 def test_a_batch_is_divided_into_shares():
     pieces = task(replace(TINY, accumulate=4)).pieces(3, Team(), CPU)
     assert [len(piece.samples.length) for piece in pieces] == [2] * 4
-    assert [piece.part.first for piece in pieces] == [0, 2, 4, 6]
+    assert [piece.draws.part.first for piece in pieces] == [0, 2, 4, 6]
 
 
 def load(path):

@@ -67,7 +67,7 @@ def test_a_step_is_the_same_for_the_same_seed_and_divided_among_processes():
     assert len(first.verb) == 4
     divided = TextTask(replace(SMALL, accumulate=2)).pieces(5, Team(), CPU)
     assert [len(piece.samples.verb) for piece in divided] == [2, 2]
-    assert [piece.part.first for piece in divided] == [0, 2]
+    assert [piece.draws.part.first for piece in divided] == [0, 2]
     assert torch.equal(torch.cat([piece.samples.pieces for piece in divided]), first.pieces)
 
 
