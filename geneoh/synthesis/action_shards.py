@@ -16,6 +16,7 @@ from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.attempts import draw_attempts, tried_grasps
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
 from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.jointed_families import JOINTED_FAMILIES
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.shards import find_shards, refuse_damage, scans_of, shard_record, whole_shard
@@ -55,8 +56,6 @@ class ActionSynthesisConfig(SynthesisConfig):
 DEFAULTS = ActionSynthesisConfig()
 FEWEST = 32  # actions for which grasps are tried at once; fewer take nearly as long
 MOST_NAMES = 100_000  # no data set has more objects
-JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer", "matchbox", "plunger")
-"""Families whose objects have a part on a joint."""
 LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
 """Families with room for two hands on a table."""
 
@@ -75,7 +74,8 @@ def synthesize_actions(
 ) -> Actions:
     """Actions with objects of the given families, `config.shard` of them."""
     numbers = {name: index for index, name in enumerate(names_of(scans))}
-    drawn = families + [n for n in families if n in JOINTED + LARGE] * (config.favoured - 1)
+    favoured = [name for name in families if name in (*JOINTED_FAMILIES, *LARGE)]
+    drawn = families + favoured * (config.favoured - 1)
     kept: list[Actions] = []
     while (missing := config.shard - sum(len(part.verb) for part in kept)) > 0:
         wanted = max(missing, FEWEST)

@@ -6,7 +6,7 @@ from draws import seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.synthesis.action_shards import JOINTED
+from geneoh.synthesis.jointed_families import JOINTED_FAMILIES
 from geneoh.synthesis.objects import FAMILIES, draw_objects
 from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, TORUS, Solids
 
@@ -181,7 +181,9 @@ def test_objects_and_points_depend_on_the_generator_alone():
 
 def test_jointed_families_have_a_second_part_and_others_none():
     solids = draw_objects(list(FAMILIES), generator=seeded(10))
-    assert {name for name, two in zip(FAMILIES, solids.jointed, strict=True) if two} == set(JOINTED)
+    assert {name for name, two in zip(FAMILIES, solids.jointed, strict=True) if two} == set(
+        JOINTED_FAMILIES
+    )
     room = solids.travel[:, 1] - solids.travel[:, 0]
     assert torch.equal(room > 0, solids.jointed)
     assert bool((solids.travel[:, 0] <= 0).all())
@@ -194,7 +196,7 @@ def test_two_parts_together_are_the_object(family):
     both = torch.minimum(*(solids.only(part).signed_distance(points) for part in range(2)))
     torch.testing.assert_close(both, solids.signed_distance(points))
     part = solids.nearest_part(points)
-    assert bool(part.any()) == (family in JOINTED)
+    assert bool(part.any()) == (family in JOINTED_FAMILIES)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -206,7 +208,7 @@ def test_a_mirrored_object_is_as_far_from_mirrored_points(family):
     )
 
 
-@pytest.mark.parametrize("family", JOINTED)
+@pytest.mark.parametrize("family", JOINTED_FAMILIES)
 def test_a_mirrored_joint_moves_the_mirrored_part(family):
     solids, points = draw_objects([family], generator=seeded(13)), around()
     flip = torch.tensor([-1.0, 1.0, 1.0])
