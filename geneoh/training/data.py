@@ -5,7 +5,7 @@ Recordings are split by whole objects, so that validation sees none that a netwo
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -21,12 +21,12 @@ from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
-from geneoh.seeds import seed_of
 from geneoh.streamed import Streamed
-from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.data_config import ShardConfig, SynthesisConfig
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.scans import FILE
 from geneoh.synthesis.shards import (
+    DEFAULTS,
     ShardRecord,
     find_shards,
     read_shard,
@@ -37,12 +37,11 @@ from geneoh.synthesis.shards import (
 )
 from geneoh.training import recordings
 from geneoh.training.config import TrainConfig
+from geneoh.training.held_out import held_out
 from geneoh.training.recordings import SEQUENCES, ClipRecord
 from geneoh.training.windows import WeightedInteractions
 
 Clips = TypeVar("Clips")
-
-HELD_OUT = 0.1  # share of a source's clips that is held out for validation, in whole objects
 
 
 @dataclass(frozen=True)
@@ -153,10 +152,10 @@ def training_data(
         report = on_progress and partial(on_progress, one.source or "interactions")
         if not one.source:
             write_missing(one.path, config.synthesis, report)
-            found.append([whole(read_shards(one.path, n), one.weight) for n in ("train", "val")])
-            first = shard_record(find_shards(one.path, "train")[0])
-            problems += unfinished(one.path, first.config)
-            made.append(as_dict(first))
+            read = made_data(one.path, read_shards, DEFAULTS)
+            found.append([whole(clips, one.weight) for clips in (read.training, read.validation)])
+            problems += read.notes
+            made.append(read.record)
         else:
             folder, readers = one.shards_in(cache), options or ReaderOptions()
             shards, unread = recordings.make_shards(
@@ -169,6 +168,19 @@ def training_data(
     record = made[0] if len(made) == 1 else {"sources": made}
     training, validation = (mixed(each) for each in zip(*portions, strict=True))
     return TrainingData(training, validation, record, (*notes, *problems))
+
+
+def made_data(
+    folder: Path, read: Callable[[Path, str], Clips], defaults: ShardConfig
+) -> TrainingData[Clips]:
+    """The clips in the shards of a folder, which `read` reads of a split ("train" or "val").
+
+    Raises:
+        InputError: the folder holds no shards of both splits, or not of the kind of `defaults`.
+    """
+    training, validation = (read(folder, split) for split in ("train", "val"))
+    record = shard_record(find_shards(folder, "train", defaults)[0], defaults)
+    return TrainingData(training, validation, as_dict(record), unfinished(folder, record.config))
 
 
 def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
@@ -238,44 +250,6 @@ def _split(found: Sequence[list[Portion] | CutClips]) -> tuple[list[list[Portion
             each = each.split(held)
         portions.append(each)
     return portions, notes
-
-
-def held_out(sources: Sequence[Sequence[ClipRecord]]) -> list[tuple[Bool[Tensor, " B"], str]]:
-    """Which clips of each source are held out for validation, and by what, in words.
-
-    Whole objects, the same ones of all sources; of one object whole people; of one person with one
-    object none.
-    """
-    objects = held_names([[record.object for record in records] for records in sources])
-    return [held_clips(records, objects) for records in sources]
-
-
-def held_clips(records: Sequence[ClipRecord], objects: set[str]) -> tuple[Bool[Tensor, " B"], str]:
-    """Which clips of one source are held out, and by what; all sources hold out `objects`."""
-    people = held_names([[record.person for record in records]])
-    for kind, several, chosen in (("object", "objects", objects), ("person", "people", people)):
-        names = [getattr(record, kind) for record in records]
-        if count := len(chosen & set(names)):
-            held = torch.tensor([name in chosen for name in names])
-            of = f"one {kind}" if count == 1 else f"{count} {several}"
-            return held, f"{int(held.sum())} of {of} held out for validation"
-    none = torch.zeros(len(records), dtype=torch.bool)
-    return none, "validated on what is learned: there is no other object"
-
-
-def held_names(sources: Sequence[Sequence[str]]) -> set[str]:
-    """Random names that are a tenth of the clips of each source, of the names of its clips.
-
-    One name of each source is left to learn from; where there is only one, it is not chosen.
-    """
-    counts, chosen = [Counter(names) for names in sources], set[str]()
-    known = set[str]().union(*counts)
-    for name in sorted(known, key=lambda name: seed_of("held out", name)):
-        found = [count for count in counts if name in count]
-        lacking = any(sum(c[one] for one in chosen) < HELD_OUT * c.total() for c in found)
-        if lacking and all(count.keys() - chosen - {name} for count in found):
-            chosen.add(name)
-    return chosen
 
 
 def mixed(portions: Sequence[Portion]) -> Streamed[Interactions]:

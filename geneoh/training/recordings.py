@@ -6,7 +6,7 @@ from. An interrupted run goes on behind the last whole shard; one that is made i
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -88,11 +88,6 @@ def _clips_of(source: str, path: Path) -> list[SourceClip]:
     return with_distinct_names(found)
 
 
-def shard_path(folder: Path, clip: SourceClip) -> Path:
-    """The file of a clip's shard: names of clips have no dot, so that none share one."""
-    return folder / f"{clip.name.replace('/', '.')}.safetensors"
-
-
 def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
     """What a clip holds, checked to be interactions."""
     if source != SEQUENCES:
@@ -131,12 +126,32 @@ def make_shards(
     Raises:
         InputError: no clip of the source can be read; the message says why, of the first.
     """
-    clips, shards, problems = _clips_of(source, path), [], []
+    return written_shards(
+        _clips_of(source, path),
+        folder,
+        lambda shard, clip: is_fresh(shard, clip, config, options),
+        lambda shard, clip: write_shard(shard, source, clip, config, options),
+        on_step,
+    )
+
+
+def written_shards(
+    clips: Sequence[SourceClip],
+    folder: Path,
+    is_whole: Callable[[Path, SourceClip], bool],
+    write: Callable[[Path, SourceClip], None],
+    on_step: OnStep | None,
+) -> tuple[list[Path], list[str]]:
+    """The shards of clips in a folder, written where they are not there as asked, and why some
+    clips cannot be read, in words; `InputError` of the first where none can."""
+    shards: list[Path] = []
+    problems: list[str] = []
     for clip in steps(clips, on_step):
-        shard = shard_path(folder, clip)
+        # names of clips have no dot, so that none share a file
+        shard = folder / f"{clip.name.replace('/', '.')}.safetensors"
         try:
-            if not is_fresh(shard, clip, config, options):
-                write_shard(shard, source, clip, config, options)
+            if not is_whole(shard, clip):
+                write(shard, clip)
             shards.append(shard)
         except GeneOHError as error:
             problems.append(f"{clip.name}: not read, {error}")

@@ -18,12 +18,12 @@ from geneoh.synthesis.shards import shard_record, write_shards
 from geneoh.training.data import (
     DataSource,
     Portion,
-    held_out,
     mixed,
     parsed_source,
     training_data,
     whole,
 )
+from geneoh.training.held_out import held_out
 from geneoh.training.recordings import ClipRecord
 from geneoh.training.windows import WeightedInteractions, WindowConfig, draw_windows
 

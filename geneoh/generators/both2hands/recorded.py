@@ -18,7 +18,7 @@ from geneoh.body.motion import BodyMotion, grounded
 from geneoh.body.skeleton import BODY_JOINTS
 from geneoh.bundle import concatenated
 from geneoh.choices import BodySource
-from geneoh.errors import GeneOHError, InputError
+from geneoh.errors import GeneOHError, InputError, numbered
 from geneoh.generators.both2hands.features import placed
 from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.pieces import words_of
@@ -28,7 +28,8 @@ from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.training.data import TrainingData, held_names
+from geneoh.training.data import TrainingData
+from geneoh.training.held_out import held_names
 
 SHORTEST = 30
 """Frames of the shortest recording that is learned from."""
@@ -87,16 +88,11 @@ def recorded_gestures(
     split = "validated on what is learned: there is no other recording"
     if divided:
         groups = len({window.group for window, out in zip(windows, held, strict=True) if out})
-        split = f"{held_in_words(int(held.sum()), groups)} held out for validation"
+        of = "1 recording or person" if groups == 1 else f"{groups} recordings or people"
+        split = f"{numbered(int(held.sum()), 'clip')}, of {of}, held out for validation"
     about = f"{source}: {len(windows)} clips; {split}; recordings left out: {reasons or 'none'}"
     made = {"source": source, "clips": len(windows), "skeleton": model is not None}
     return TrainingData(parts[0], parts[1], made, (about, *problems))
-
-
-def held_in_words(clips: int, groups: int) -> str:
-    """How many clips of how many recordings or people."""
-    of = "1 recording or person" if groups == 1 else f"{groups} recordings or people"
-    return f"{clips} {'clip' if clips == 1 else 'clips'}, of {of},"
 
 
 def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:

@@ -10,7 +10,6 @@ import torch
 from tokenizers import Tokenizer
 
 from geneoh.choices import BodySource, BodyStage
-from geneoh.config import as_dict
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig
 from geneoh.generators.both2hands.library import (
@@ -28,8 +27,7 @@ from geneoh.nn.weights import load_network
 from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
-from geneoh.synthesis.shards import find_shards, shard_record, unfinished
-from geneoh.training.data import DataSource, TrainingData
+from geneoh.training.data import DataSource, TrainingData, made_data
 from geneoh.training.run_config import stage_config
 
 
@@ -54,9 +52,7 @@ class LearnedBodies:
                 told=stage != "body_hands",
                 on_step=on_progress and partial(on_progress, source),
             )
-        training, validation = (read_gestures(path, split) for split in ("train", "val"))
-        record = shard_record(find_shards(path, "train", DEFAULTS)[0], DEFAULTS)
-        return TrainingData(training, validation, as_dict(record), unfinished(path, record.config))
+        return made_data(path, read_gestures, DEFAULTS)
 
 
 def body_task(

@@ -15,14 +15,13 @@ from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.choices import ANNOTATED, AnnotatedSource
-from geneoh.config import as_dict
-from geneoh.errors import ConfigError, GeneOHError, InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 from geneoh.generators.text2hoi.annotation import has_labels, label_files, labels_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
 from geneoh.generators.text2hoi.samples import ActionData
-from geneoh.progress import OnProgress, OnStep, steps
+from geneoh.progress import OnProgress, OnStep
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.readers.convert import mesh_files
 from geneoh.readers.dataset_reader import frames_to_keep
@@ -30,9 +29,8 @@ from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.shards import find_shards, shard_record, unfinished
-from geneoh.training.data import DataSource, TrainingData
-from geneoh.training.recordings import files_of, shard_path
+from geneoh.training.data import DataSource, TrainingData, made_data
+from geneoh.training.recordings import files_of, written_shards
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
@@ -57,13 +55,7 @@ def action_data(
                 "recorded: expected no settings of recordings with the made actions of "
                 f"{data.path}, got some; leave them out"
             )
-        training, validation = (
-            ActionData(actions, tuple(names))
-            for actions, names in (read_actions(data.path, split) for split in ("train", "val"))
-        )
-        record = shard_record(find_shards(data.path, "train", DEFAULTS)[0], DEFAULTS)
-        notes = unfinished(data.path, record.config)
-        return TrainingData(training, validation, as_dict(record), notes)
+        return made_data(data.path, made_actions, DEFAULTS)
     if data.source not in ANNOTATED:
         raise ConfigError(
             f"--data {data.source}=...: expected {', '.join(ANNOTATED)}, whose recordings come "
@@ -78,6 +70,12 @@ def action_data(
         options,
         on_step=on_progress and partial(on_progress, source),
     )
+
+
+def made_actions(folder: Path, split: str) -> ActionData:
+    """The made actions of one split; raises as `read_actions`."""
+    actions, names = read_actions(folder, split)
+    return ActionData(actions, tuple(names))
 
 
 def recorded_actions(
@@ -170,8 +168,6 @@ class Recordings:
         self, path: Path, folder: Path, on_step: OnStep | None
     ) -> tuple[list[Path], list[str]]:
         """The shards of all recordings, made where they are not there, and why some cannot be."""
-        shards: list[Path] = []
-        problems: list[str] = []
         clips = find_clips(source_named(self.source), [path])
         labelled = [clip for clip in clips if has_labels(self.source, clip)]
         if not labelled:
@@ -179,17 +175,7 @@ class Recordings:
                 f"{path}: expected labels of actions in action_label of camera 4, found none among "
                 f"{len(clips)} clips; download the labels of all views"
             )
-        for clip in steps(labelled, on_step):
-            shard = shard_path(folder, clip)
-            try:
-                if not self.is_fresh(shard, clip):
-                    self.write(shard, clip)
-                shards.append(shard)
-            except GeneOHError as error:
-                problems.append(f"{clip.name}: not read, {error}")
-        if not shards:
-            raise InputError(problems[0])
-        return shards, problems
+        return written_shards(labelled, folder, self.is_fresh, self.write, on_step)
 
     def is_fresh(self, shard: Path, clip: SourceClip) -> bool:
         """Whether a shard is there, whole, made as asked, and from the files as they are."""
