@@ -40,6 +40,11 @@ def prompt_text(argument: str) -> str:
     return said[0] if said else ""
 
 
+def refused(sentence: str, why: str) -> InputError:
+    """The error for a sentence; `why` says what was expected and found, and what to do."""
+    return InputError(f"prompt '{shortened(sentence, 60)}': expected {why}")
+
+
 def check_english(
     sentence: str, words: Sequence[str], known: Collection[str], *, on: str, example: str
 ) -> None:
@@ -47,23 +52,19 @@ def check_english(
 
     `on` says what a sentence is on, and `example` is one, both for the message.
     """
-    shown, remedy = f"prompt '{shortened(sentence, 60)}'", f"write one such as {example}"
+    remedy = f"write one such as {example}"
     if not words:
-        raise InputError(f"{shown}: expected an English sentence, found no words; {remedy}")
+        raise refused(sentence, f"an English sentence, found no words; {remedy}")
     if len(words) > LONGEST:
-        raise InputError(
-            f"{shown}: expected one sentence of at most {LONGEST} words, found {len(words)}; "
-            "say it shorter"
-        )
+        few = f"one sentence of at most {LONGEST} words, found {len(words)}; say it shorter"
+        raise refused(sentence, few)
     meant = [nearest_word(word, known) for word in words]
     # Words that only resemble ours may be another language's: "ella aplaude", "il saute".
     alike_alone = len(words) > 1 and not set(words).intersection(meant)
     understood = 0 if alike_alone else sum(word is not None for word in meant)
     if understood < ENGLISH * len(words):
-        raise InputError(
-            f"{shown}: expected an English sentence on {on}, found {understood} known words among "
-            f"{len(words)}; {remedy}"
-        )
+        known_words = f"{understood} known words among {len(words)}"
+        raise refused(sentence, f"an English sentence on {on}, found {known_words}; {remedy}")
 
 
 def nearest_word(word: str, known: Collection[str]) -> str | None:

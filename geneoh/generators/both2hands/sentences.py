@@ -4,9 +4,8 @@ import re
 from functools import cache
 
 from geneoh.choices import SIDES
-from geneoh.errors import InputError, shortened
 from geneoh.generators.pieces import words_of
-from geneoh.generators.sentences import check_english
+from geneoh.generators.sentences import check_english, refused
 from geneoh.generators.text2hoi import prompt
 from geneoh.generators.text2hoi.negation import rules_out, without_ruled_out
 from geneoh.language.conjugation import forms
@@ -73,10 +72,8 @@ def refuse_contradiction(sentence: str) -> None:
             elif at == len(words) - 1:
                 ruled_out |= of_sides
     for verb, side in sorted(said & ruled_out):
-        raise InputError(
-            f"prompt '{shortened(sentence, 60)}': expected what hands do, found that the {side} "
-            f"one is to {verb} and is not to {verb}; keep one of them"
-        )
+        both = f"the {side} one is to {verb} and is not to {verb}"
+        raise refused(sentence, f"what hands do, found that {both}; keep one of them")
 
 
 def ruled_out_words(sentence: str) -> str:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 
-from geneoh.errors import InputError, shortened
+from geneoh.generators.sentences import refused
 from geneoh.generators.text2hoi.length import SHORTEST
 from geneoh.synthesis.actions import FPS, LONGEST
 
@@ -52,10 +52,7 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
         return sentence, None
     if len(found) > 1:
         listed = " and ".join(f"'{match['words']}'" for match in found)
-        raise InputError(
-            f"prompt '{shortened(sentence, 60)}': expected one length, found {listed}; keep one "
-            "of them"
-        )
+        raise refused(sentence, f"one length, found {listed}; keep one of them")
     (match,) = found
     each = next(
         (size for unit, size in _UNITS.items() if match["unit"].lower().startswith(unit[:3])), FPS
@@ -90,8 +87,5 @@ def length_in_frames(sentence: str, stated: Stated | None) -> int | None:
     """The stated length, if there is one; `InputError` where no clip can be so long or short."""
     if stated is None or SHORTEST <= stated.frames <= LONGEST:
         return None if stated is None else stated.frames
-    raise InputError(
-        f"prompt '{shortened(sentence, 60)}': expected a length of {SHORTEST} to {LONGEST} frames, "
-        f"{LONGEST / FPS:g} seconds at most, found '{stated.words}'; say another one or pass "
-        "--frames"
-    )
+    known = f"a length of {SHORTEST} to {LONGEST} frames, {LONGEST / FPS:g} seconds at most"
+    raise refused(sentence, f"{known}, found '{stated.words}'; say another one or pass --frames")

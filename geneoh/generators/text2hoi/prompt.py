@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from geneoh.choices import HANDS, SIDES, HandsName, Side
-from geneoh.errors import InputError, shortened
 from geneoh.generators.pieces import words_of
-from geneoh.generators.sentences import check_english, nearest_word
+from geneoh.generators.sentences import check_english, nearest_word, refused
 from geneoh.generators.text2hoi.captions import ADJECTIVES
 from geneoh.generators.text2hoi.duration import length_in_frames, stated_length
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
@@ -111,10 +110,8 @@ def without_ruled_out_verbs(
             left_out.append(" ".join(kept[index:stop]))
             del kept[index:stop]
     if left_out and not named_verbs(as_meant(kept)):
-        raise InputError(
-            f"prompt '{shortened(sentence, 60)}': expected an action that hands do, found only "
-            f"'{left_out[-1]}'; say what they do, such as {EXAMPLE}"
-        )
+        only = f"found only '{left_out[-1]}'; say what they do, such as {EXAMPLE}"
+        raise refused(sentence, f"an action that hands do, {only}")
     return kept, tuple(f"'{phrase}' is not followed" for phrase in reversed(left_out))
 
 
@@ -135,10 +132,7 @@ def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side])
     elif ruled_out and (_BOTH.search(said) or any(f"{side} hand" in said for side in ruled_out)):
         found = f"the {min(ruled_out)} hand both named and ruled out"
     if found:
-        raise InputError(
-            f"prompt '{shortened(sentence, 60)}': expected hands that act, found {found}; name "
-            "those that do"
-        )
+        raise refused(sentence, f"hands that act, found {found}; name those that do")
     if not ruled_out or any(pattern.search(said) for pattern in _ONE.values()):
         return words
     return [*words, "with", "the", next(side for side in SIDES if side not in ruled_out), "hand"]
@@ -199,19 +193,15 @@ def asked_hands(
     """The hands that a sentence asks for: by its words, else as our encoder reads it."""
     said = " ".join(words)
     if found := _TO_ITSELF.search(said):
-        raise InputError(
-            f"prompt '{shortened(sentence, 60)}': expected two hands to pass something between, "
-            f"found the {found[1]} hand twice; name the other one, or leave out where it goes"
-        )
+        twice = f"the {found[1]} hand twice; name the other one, or leave out where it goes"
+        raise refused(sentence, f"two hands to pass something between, found {twice}")
     passed = verb == "pass" and asked_giver(said) and not _WITH_ONE.search(said)
     if passed or _BOTH.search(said):
         return "both hands", ()
     one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
     if len(one) == 2:
-        raise InputError(
-            f"prompt '{shortened(sentence, 60)}': expected one choice of hands, found the left "
-            "hand and the right hand; write 'both hands', or name one of them"
-        )
+        both = "the left hand and the right hand; write 'both hands', or name one of them"
+        raise refused(sentence, f"one choice of hands, found {both}")
     if one:
         return one[0], ()
     model = shipped_model()
