@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
 from geneoh.choices import ActionStage
+from geneoh.errors import ConfigError
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
@@ -59,8 +60,7 @@ class ActionTask(SamplesTask):
         if network.config.normalised:
             set_statistics(network, self.data.training.actions)
         if network.config.form == "paper" and self.contact is not None:
-            network.object.points.load_state_dict(self.contact.points.state_dict())
-            network.object.points.requires_grad_(False)
+            take_points(network, self.contact)
         return network
 
     def drawn(
@@ -138,6 +138,19 @@ class LengthTask(SamplesTask):
         return actions_record(self.data, self.encoder)
 
 
+def take_points(network: InteractionNetwork, contact: ContactNetwork) -> None:
+    """Give a network the features of points that the contact network learned, as the paper does."""
+    try:
+        network.object.points.load_state_dict(contact.points.state_dict())
+    except RuntimeError as error:
+        raise ConfigError(
+            "interaction: expected a contact network whose points are read as in the paper's form, "
+            "got another one; train it in the same folder first, with `geneoh train --stage "
+            "contact --config contact_paper`"
+        ) from error
+    network.object.points.requires_grad_(False)
+
+
 def contact_task_loss(
     network: ContactNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
 ) -> Float[Tensor, ""]:
@@ -178,9 +191,8 @@ def answer_to_noise(
     )
     level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
     clean = network.normalise(tokens.flat) * tokens.defined
-    noise = draws.normal(*clean.shape[1:]).to(clean)
     sigma = network.sigmas[level]
-    x = clean + sigma[:, None, None] * noise
+    x = clean + sigma[:, None, None] * draws.like(clean)
     found = network.denoised(x, level.float(), network.encode(condition))
     guess = tokens.with_flat(network.denormalise(found))
     return Answer(tokens, guess, simple_loss(found, clean, tokens.defined), sigma)

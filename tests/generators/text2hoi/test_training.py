@@ -7,7 +7,7 @@ import torch
 from made_actions import NAMES, WordEncoder, made_actions, passing
 from made_networks import TINY, in_paper_form, tiny_data, tiny_task
 
-from geneoh.errors import CheckpointError
+from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import LEAST_DEVIATION, Condition
 from geneoh.generators.text2hoi.samples import ActionData, draw_samples, sentences
@@ -35,6 +35,13 @@ def test_the_paper_s_form_learns_too_and_keeps_the_points_of_the_contact_network
     for name, tensor in contact.points.state_dict().items():
         torch.testing.assert_close(saved[f"object.points.{name}"], tensor, atol=1e-3, rtol=1e-3)
     assert saved["std"].eq(1).all()
+
+
+def test_the_paper_s_form_asks_for_a_contact_network_that_reads_points_in_its_way():
+    config = replace(TINY, interaction=in_paper_form(TINY.interaction))
+    task = tiny_task("interaction", config, contact=ContactNetwork(TINY.contact))
+    with pytest.raises(ConfigError, match="train it in the same folder first, with `geneoh train"):
+        task.network()
 
 
 @pytest.mark.parametrize("given", [{"encoder": 0}, {"contact": 1}])
