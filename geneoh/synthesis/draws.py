@@ -62,6 +62,10 @@ class Draws:
         """Normal numbers of unit variance."""
         return self.own(torch.randn(self.total, *shape, generator=self.generator))
 
+    def like(self, values: Float[Tensor, "B ..."]) -> Float[Tensor, "B ..."]:
+        """Normal numbers of the shape, type and device of other values of the items."""
+        return self.normal(*values.shape[1:]).to(values)
+
     def chance(self, share: float, *shape: int) -> Bool[Tensor, "B ..."]:
         """True in so large a share."""
         return self.share(*shape) < share

@@ -94,7 +94,7 @@ def draw_batch(
         joints = left.joints
         region = windows.region(joints).turned(turn)
     cues = track_cues(motion.hand, change, motion.trust, noise.object_noise)
-    evidence = windows.evidence(left, noise.ray, cues)
+    evidence = SpatialEvidence.around(windows, left.joints, noise.ray, cues)
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
     observation = Observation(region.to_canon(joints), trust)
     hand = clean.to_canon(region)

@@ -55,11 +55,6 @@ def draw_sigma(
     return torch.exp(low + (high - low) * share)
 
 
-def _noise_of(x: Tensor, draws: Draws) -> Tensor:
-    """Standard normal noise of the shape, type and device of `x`, drawn on the CPU."""
-    return draws.normal(*x.shape[1:]).to(x)
-
-
 def window_weight(
     noisy: Float[Tensor, "B T 21 3"], clean: Float[Tensor, "B T 21 3"]
 ) -> Float[Tensor, " B"]:
@@ -79,7 +74,7 @@ def motion_loss(model: MotionDenoiser, batch: Batch, draws: Draws) -> Float[Tens
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
     sigma = draw_sigma(draws, MOTION_SIGMAS, HIGH_NOISE_BIAS).to(change)
-    noise = _noise_of(change, draws)
+    noise = draws.like(change)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
     off = seen.hand.moved(predicted).joints - clean
@@ -98,7 +93,7 @@ def trajectory_loss(model: TrajectoryDenoiser, batch: Batch, draws: Draws) -> Fl
     scale = WindowScale(WindowScale.of(batch.clean_canon).mean, deviation)
     clean = scale.normalised(batch.clean_canon)
     sigma = draw_sigma(draws, TRAJECTORY_SIGMAS, TRAJECTORY_HIGH_NOISE_BIAS).to(clean)
-    noise = _noise_of(clean, draws)
+    noise = draws.like(clean)
     noisy = clean + sigma[:, None, None, None] * noise
     predicted = model(noisy, sigma, scale.deviation.flatten())
     weight = loss_weight(sigma, torch.ones_like(sigma))
@@ -113,7 +108,7 @@ def relation_loss(model: RelationDenoiser, batch: Batch, draws: Draws) -> Float[
     scale = WindowScale.of(batch.observation.joints[:, :, None])
     relations = encode_spatial(batch.clean_canon, batch.region)
     sigma = draw_sigma(draws, RELATION_SIGMAS).to(relations.hands)
-    noise = _noise_of(relations.hands, draws)
+    noise = draws.like(relations.hands)
     noise = noise * (sigma[:, None, None, None, None] * scale.deviation)
     predicted = model(replace(relations, hands=relations.hands + noise), sigma, scale)
     weight = loss_weight(sigma, torch.ones_like(sigma)) / scale.deviation.flatten().square()
@@ -132,7 +127,7 @@ def spatial_loss(model: SpatialDenoiser, batch: Batch, draws: Draws) -> Float[Te
     evidence = evidence.spread_over(model.config.frames, phase=phase)
     spread = shift.new_tensor(TRIAL_SPREAD)
     around, width = spread[torch.arange(TRIALS) % len(spread)].unbind(-1)
-    noise = _noise_of(shift[:, None].expand(-1, TRIALS, -1), draws)
+    noise = draws.like(shift[:, None].expand(-1, TRIALS, -1))
     places = around[:, None] * shift[:, None] + width[:, None] * noise
     drawn = torch.stack(
         [_log_normal(places, share * shift[:, None], float(std)) for share, std in spread]
@@ -201,7 +196,7 @@ def latent_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tens
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
     clean = temporal_latent(model, batch, batch.clean)
     sigma = draw_sigma(draws, LATENT_SIGMAS).to(clean)
-    noise = _noise_of(clean, draws)
+    noise = draws.like(clean)
     predicted = model(clean + sigma[:, None, None] * noise, sigma)
     weight = loss_weight(sigma, torch.ones_like(sigma))
     return (weight * (predicted - clean).square().mean((1, 2))).mean()

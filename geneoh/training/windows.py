@@ -10,7 +10,6 @@ from torch import Tensor
 from geneoh.config import Limited, Limits
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
-from geneoh.denoisers.spatial import SpatialEvidence
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
@@ -58,12 +57,6 @@ class TrainingWindows(ObjectSurface):
         """The same hand with an object whose parts are turned in their own frames and shifted."""
         rotation = self.rotation @ axis_angle_to_matrix(turn)[:, :, None]
         return replace(self, rotation=rotation, translation=self.translation + shift[:, :, None])
-
-    def evidence(
-        self, hand: HandParameters, ray: Float[Tensor, "B 3"], track: Float[Tensor, "B 12"]
-    ) -> SpatialEvidence:
-        """What tells SpatialDiff the place of a hand of the world."""
-        return SpatialEvidence.around(self, hand.joints, ray, track)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

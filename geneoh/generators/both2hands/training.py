@@ -165,7 +165,8 @@ def _denoised(
     else:
         assert isinstance(network, TextHands), "a network is told the body or a sentence"
         told = network.encode(samples.said)
-    return network.denoised(_noisy(network, clean, level, draws), level.float(), told), clean
+    noisy = clean + network.sigmas[level][:, None, None] * draws.like(clean)
+    return network.denoised(noisy, level.float(), told), clean
 
 
 def blended_answers(
@@ -185,11 +186,10 @@ def blended_answers(
     body, text = branches.body.to(device), branches.text.to(device)
     clean = body.scale.normalise(samples.features.hands)
     level = draws.integers(1, len(body.sigmas)).to(clean.device)
-    noisy = other = _noisy(body, clean, level, draws)
+    noisy = other = clean + body.sigmas[level][:, None, None] * draws.like(clean)
     if config.blend.form == "paper":
-        other = _noisy(
-            text, text.scale.normalise(hand_features(scene.posed, "wrist")), level, draws
-        )
+        own = text.scale.normalise(hand_features(scene.posed, "wrist"))
+        other = own + text.sigmas[level][:, None, None] * draws.like(own)
     with torch.no_grad():
         told = body.encode(samples.features.body), text.encode(samples.said)
         answers = both_answers(body, text, (noisy, other), level.float(), told, scene)
@@ -257,10 +257,3 @@ def _words_digest(*several: Gestures) -> str:
     """A fingerprint of what is said of clips, and of the gestures that it names."""
     told = ((clips.gesture, *map(str, clips.joined.ravel())) for clips in several)
     return digest(part for parts in told for part in parts)
-
-
-def _noisy(
-    network: HandsDenoiser, clean: Float[Tensor, "B T 270"], level: Tensor, draws: Draws
-) -> Float[Tensor, "B T 270"]:
-    noise = draws.normal(*clean.shape[1:]).to(clean)
-    return clean + network.sigmas[level][:, None, None] * noise

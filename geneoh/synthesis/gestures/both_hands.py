@@ -112,12 +112,6 @@ def draw_roles(variants: Sequence[tuple[str, int]], shares: GestureShares, draws
     return Roles(one, other) if bool(draws.chance(0.5)) else Roles(other, one)
 
 
-def draw_seated(roles: Roles, shares: GestureShares, draws: Draws) -> bool:
-    """Whether a person sits."""
-    share = shares.seated if roles.pair is None else roles.pair.seated
-    return bool(draws.chance(share))
-
-
 def gesture_motions(
     roles: Roles,
     seated: bool,

@@ -19,7 +19,6 @@ from geneoh.synthesis.gestures.both_hands import (
     Roles,
     TwoHands,
     draw_roles,
-    draw_seated,
     gesture_motions,
 )
 from geneoh.synthesis.gestures.clips import NAMES, REST, Gestures
@@ -112,7 +111,8 @@ def bodies_with_hands(
 ) -> tuple[Skeleton, BodyMotion]:
     """Bodies whose hands do what their roles say."""
     one, draws = Draws(1, generator), Draws(len(bodies), generator)
-    seated = torch.tensor([draw_seated(each, config.shares, one) for each in roles])
+    shares = (config.shares if each.pair is None else each.pair for each in roles)
+    seated = torch.tensor([bool(one.chance(share.seated)) for share in shares])
     gait = draw_gait(seated, draws.chance(config.shares.walking), frames, config.stance, draws)
     swing = config.stance.arm_swing * torch.stack([-gait.swing, gait.swing], -1)
     each = [
