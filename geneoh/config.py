@@ -141,8 +141,8 @@ class Limited:
     """Settings whose numbers are checked when they are made."""
 
     LIMITS: ClassVar[Limits] = {}
-    """Those of fields that have their own; other whole numbers are 1 to `LARGEST`, and numbers 0 or
-    more."""
+    """Those of fields that have their own; other whole numbers are 1 to `LARGEST`, shares (by their
+    names) 0 to 1, and numbers 0 or more."""
     LARGEST: ClassVar[int] = 10**9
 
     def __post_init__(self) -> None:
@@ -150,7 +150,8 @@ class Limited:
         usual: dict[type, tuple[float, float]] = {int: (1, self.LARGEST), float: (0, math.inf)}
         kinds = {field.name: type(getattr(self, field.name)) for field in fields(self)}
         limits = {name: usual[kind] for name, kind in kinds.items() if kind in usual}
-        check_limits(self, limits | dict(self.LIMITS))
+        shares = {name: (0, 1) for name in limits if f"_{name}".endswith("_share")}
+        check_limits(self, limits | shares | dict(self.LIMITS))
 
 
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

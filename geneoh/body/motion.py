@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.skeleton import PARENTS, REST_BODY, Skeleton
 from geneoh.bundle import Bundle
-from geneoh.geometry import kinematics
+from geneoh.geometry.kinematics import tree_kinematics
 
 FOOT_HEIGHT = REST_BODY["left_foot"][1]
 """Of the lowest joint of a body that stands on the ground, metres."""
@@ -37,12 +38,13 @@ class PosedBody(Bundle):
 def pose(skeleton: Skeleton, motion: BodyMotion) -> PosedBody:
     """The joints of a skeleton that moves; batch axes broadcast."""
     offsets = skeleton.offsets[..., None, 1:, :]
-    return PosedBody(*kinematics.tree_kinematics(motion.rotations, motion.root, offsets, PARENTS))
+    return PosedBody(*tree_kinematics(motion.rotations, motion.root, offsets, PARENTS))
 
 
 def body_local_rotations(rotations: Float[Tensor, "*B T 52 3 3"]) -> Float[Tensor, "*B T 52 3 3"]:
     """A body's rotations in the parents' frames from those in the world; inverse of `pose`."""
-    return kinematics.local_rotations(rotations, PARENTS)
+    above = rotations[..., list(PARENTS[1:]), :, :].transpose(-1, -2)
+    return torch.cat([rotations[..., :1, :, :], above @ rotations[..., 1:, :, :]], dim=-3)
 
 
 def turned_body(motion: BodyMotion, world: Float[Tensor, "3 3"]) -> BodyMotion:

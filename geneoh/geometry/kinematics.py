@@ -1,4 +1,4 @@
-"""Forward kinematics of any tree of joints, and back: a hand's skeleton and a body's share it."""
+"""Forward kinematics of any tree of joints: a hand's skeleton and a body's share it."""
 
 from collections.abc import Sequence
 
@@ -30,11 +30,3 @@ def tree_kinematics(
         if point < rotations.shape[-3]:
             turned.append(turned[parent] @ rotations[..., point, :, :])
     return torch.stack(torch.broadcast_tensors(*position), dim=-2), torch.stack(turned, dim=-3)
-
-
-def local_rotations(
-    rotations: Float[Tensor, "*B J 3 3"], parents: Sequence[int]
-) -> Float[Tensor, "*B J 3 3"]:
-    """Rotations against the parents, from those against the world: the way back."""
-    above = rotations[..., list(parents[1:]), :, :].transpose(-1, -2)
-    return torch.cat([rotations[..., :1, :, :], above @ rotations[..., 1:, :, :]], dim=-3)

@@ -30,7 +30,6 @@ class KeptContactConfig(Limited):
     """How many hands are brought back, and how exactly; lengths in metres."""
 
     LIMITS: ClassVar[Limits] = {
-        "share": (0, 1),
         "rounds": (0, 20),
         **dict.fromkeys(("near", "fade", "deviation", "smoothing"), (1e-6, 1000)),
     }
@@ -118,10 +117,7 @@ MOST_PERIOD = 1_000_000  # frames of the slowest motion
 class AugmentationConfig(Limited):
     """How much hands move beyond what was synthesized. A share is of the windows."""
 
-    LIMITS: ClassVar[Limits] = {
-        **dict.fromkeys(("share", "style_share"), (0, 1)),
-        **dict.fromkeys(("turn", "shift", "fingers"), (1e-9, 1000)),
-    }
+    LIMITS: ClassVar[Limits] = dict.fromkeys(("turn", "shift", "fingers"), (1e-9, 1000))
 
     share: float = 0.85  # share whose hand moves more than it was made to
     periods: tuple[float, ...] = (1.0, 2.0, 4.0, 10.0, 25.0)

@@ -28,12 +28,8 @@ class CorruptionConfig(Limited):
     """How large the errors are, and how they change over time. A share is of the windows."""
 
     LIMITS: ClassVar[Limits] = {
-        **dict.fromkeys(("clean_share", "burst_share", "right_share", "left_share"), (0, 1)),
-        **dict.fromkeys(("gap_share", "jitter_share", "camera_share", "blunder_share"), (0, 1)),
-        **dict.fromkeys(("ray_share", "other_ray_share", "shaky_share", "common_size"), (0, 1)),
-        **dict.fromkeys(("apart_share", "exact_share", "bent_share", "each_bent_share"), (0, 1)),
-        **{"bent_fingers": (0, 1), "bend": (0, 2)},
-        **{"filtered_share": (0, 1), "filter_memory": (0, 0.99)},
+        **{"common_size": (0, 1), "bent_fingers": (0, 1), "bend": (0, 2)},
+        "filter_memory": (0, 0.99),
         **dict.fromkeys(("translation", "rotation", "fingers", "depth"), (1e-9, 1000)),
         **dict.fromkeys(("object_turn", "object_shift", "burst_factor"), (1e-9, 1000)),
         **dict.fromkeys(("lasting_turn", "lasting_shift"), (0, 1000)),

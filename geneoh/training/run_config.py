@@ -18,7 +18,7 @@ class RunConfig(Limited):
 
     LIMITS: ClassVar[Limits] = {
         **dict.fromkeys(("batch", "validation_batches"), (1, 1_000_000)),
-        **dict.fromkeys(("rate", "decay", "weight_decay", "ema", "start_share"), (0, 1)),
+        **dict.fromkeys(("rate", "decay", "weight_decay", "ema"), (0, 1)),
         **{"clip": (1e-6, math.inf), "seed": (-math.inf, math.inf)},
     }
     READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {}

@@ -23,10 +23,7 @@ from geneoh.synthesis.motion import Interactions
 class WindowConfig(Limited):
     """Length and speed of the windows that networks learn from."""
 
-    LIMITS: ClassVar[Limits] = {
-        "frames": (2, Limited.LARGEST),
-        **dict.fromkeys(("short_share", "fast_share"), (0, 1)),
-    }
+    LIMITS: ClassVar[Limits] = {"frames": (2, Limited.LARGEST)}
 
     frames: int = 60  # of a window (paper: 60 at 30 a second); of a whole clip where that is less
     short_share: float = 0.2
