@@ -1,0 +1,1 @@
+"""A body with fingers: its skeleton, its motion, and arms that follow wrists."""

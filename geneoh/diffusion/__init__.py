@@ -1,0 +1,1 @@
+"""Diffusion of any tensors: noise levels, samplers, preconditioning; it knows nothing of hands."""

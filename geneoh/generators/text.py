@@ -1,4 +1,4 @@
-"""Sentences to vectors: the class that networks are conditioned by, and models that users have."""
+"""Text encoders, from sentences to vectors, and the models that users bring, such as CLIP."""
 
 import json
 from collections.abc import Callable, Sequence

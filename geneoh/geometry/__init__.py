@@ -1,0 +1,1 @@
+"""Rotations, rigid motions, meshes and their files, and distances to surfaces."""

@@ -1,0 +1,1 @@
+"""English words: forms of verbs, synonyms, random phrasings and typing errors."""

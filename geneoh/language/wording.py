@@ -1,4 +1,4 @@
-"""Random choices of words, and typing errors."""
+"""Random choices of words, and typing errors, for sentences that networks learn from."""
 
 from collections.abc import Sequence
 from typing import TypeVar

@@ -1,0 +1,1 @@
+"""Measures of an interaction: penetration, contact, accuracy, smoothness, realism."""

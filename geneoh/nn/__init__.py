@@ -1,0 +1,1 @@
+"""Building blocks of networks, and their weights on disk."""

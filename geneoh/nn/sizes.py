@@ -1,4 +1,4 @@
-"""Limits of the sizes of networks."""
+"""The base class of the settings of networks, which limits their sizes."""
 
 from dataclasses import dataclass
 from typing import ClassVar

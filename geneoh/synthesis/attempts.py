@@ -1,4 +1,4 @@
-"""Attempts at grasps, of one hand or two, and the interactions that the kept ones become."""
+"""One shard of made interactions: attempts at grasps, and the clips that the kept ones become."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""Random numbers that synthesis and training draw."""
+"""Random numbers for the items of a batch, which synthesis and training draw by seed."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Random windows of synthetic interactions: clean hands, and the object that they hold."""
+"""Random windows of clips to learn from: clean hands, and the object that they hold."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar

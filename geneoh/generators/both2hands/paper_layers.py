@@ -1,4 +1,4 @@
-"""The attention blocks of the paper: heads wider than their share of the width, post-norm.
+"""The attention blocks of BOTH2Hands in the paper's form: post-norm, heads of their own width.
 
 Source: BOTH2Hands, section 4.3 and its code; without dropout, because all random numbers of a run
 come from its own generator.

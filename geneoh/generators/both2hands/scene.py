@@ -1,4 +1,4 @@
-"""What hands are made for: a body, its skeleton and its features, and one step of both networks."""
+"""The bodies that BOTH2Hands makes hands for, and one step of both its networks on them."""
 
 from dataclasses import dataclass
 

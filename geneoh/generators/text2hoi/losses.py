@@ -1,4 +1,4 @@
-"""Losses of the interaction network.
+"""Losses by which the network of hands and object learns.
 
 Source: Text2HOI, section 3.4: squared error of the numbers, of distances to the object where it is
 touched, and of the hands' orientations relative to the object. Ours: errors of keypoints and of

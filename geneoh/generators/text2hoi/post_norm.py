@@ -1,4 +1,4 @@
-"""The transformer of the paper: post-norm layers over tokens with sinusoidal positions."""
+"""The transformer of Text2HOI's paper: post-norm layers over tokens with sinusoidal positions."""
 
 import torch
 from jaxtyping import Bool, Float

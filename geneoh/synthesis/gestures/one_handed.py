@@ -1,4 +1,7 @@
-"""Gestures of one hand; see `geneoh.synthesis.gestures.repertoire` for the axes of places."""
+"""The table of gestures of one hand, with phrases for them.
+
+See `geneoh.synthesis.gestures.repertoire` for the axes of places.
+"""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,7 @@
-"""Gestures of both hands; see `geneoh.synthesis.gestures.repertoire` for the axes of places."""
+"""The table of gestures of both hands, with phrases for them.
+
+See `geneoh.synthesis.gestures.repertoire` for the axes of places.
+"""
 
 from geneoh.synthesis.gestures.repertoire import (
     DOWN,
