@@ -2,12 +2,12 @@
 
 import math
 
-from geneoh.synthesis.drawn_solids import (
+from geneoh.synthesis.family_parts import (
     STANDING,
     Draw,
     Drawn,
-    DrawnJoint,
-    DrawnSolid,
+    PartJoint,
+    Shape,
     named,
     rod,
     round_rod,
@@ -20,7 +20,7 @@ def _bottle(u: Draw) -> Drawn:
     r, h = u(0.025, 0.04), u(0.05, 0.09)
     neck, cap = u(0.4, 0.5) * r, u(0.012, 0.02)
     top = rod(neck, cap, (0.0, 0.0, h + cap), part=1)
-    pulled = DrawnJoint((0.0, 0.0, 1.0), (0.0, 0.06), slides=True)
+    pulled = PartJoint((0.0, 0.0, 1.0), (0.0, 0.06), slides=True)
     return [rod(r, h, rounding=0.3 * r), top], pulled
 
 
@@ -34,9 +34,9 @@ def _scissors(u: Draw) -> Drawn:
         loop = (reach * c - side * radius * s, reach * s + side * radius * c, 0.0)
         bar = (blade, u(0.004, 0.007), u(0.0015, 0.003))
         middle = (0.15 * blade * c, 0.15 * blade * s, 0.002 * side)
-        solids.append(DrawnSolid(BOX, bar, middle, (0.0, 0.0, side * opening / 2), 0.001, part))
+        solids.append(Shape(BOX, bar, middle, (0.0, 0.0, side * opening / 2), 0.001, part))
         solids.append(torus(radius, tube, loop, part=part))
-    return solids, DrawnJoint((0.0, 0.0, 1.0), (-opening, 0.9 - opening))
+    return solids, PartJoint((0.0, 0.0, 1.0), (-opening, 0.9 - opening))
 
 
 def _pliers(u: Draw) -> Drawn:
@@ -47,18 +47,18 @@ def _pliers(u: Draw) -> Drawn:
         c, s = math.cos(turn), math.sin(turn)
         handle = (-grip * c, -grip * s, 0.0)
         tip = (jaw * c, jaw * s + (2 * part - 1) * wide, 0.0)
-        solids.append(DrawnSolid(BOX, (grip, r, r), handle, (0.0, 0.0, turn), 0.8 * r, part))
-        solids.append(DrawnSolid(BOX, (jaw, wide, r), tip, (0.0, 0.0, turn), 0.001, part))
-    return solids, DrawnJoint((0.0, 0.0, 1.0), (-0.8 * opening, 0.7 - opening))
+        solids.append(Shape(BOX, (grip, r, r), handle, (0.0, 0.0, turn), 0.8 * r, part))
+        solids.append(Shape(BOX, (jaw, wide, r), tip, (0.0, 0.0, turn), 0.001, part))
+    return solids, PartJoint((0.0, 0.0, 1.0), (-0.8 * opening, 0.7 - opening))
 
 
 def _laptop(u: Draw) -> Drawn:
     width, depth, opening = u(0.08, 0.14), u(0.06, 0.1), u(0.3, 2.0)
     size = (depth, width, u(0.003, 0.006))
     open_lid = (-depth + depth * math.cos(opening), 0.0, depth * math.sin(opening))
-    solids = [DrawnSolid(BOX, size), DrawnSolid(BOX, size, open_lid, (0.0, -opening, 0.0), part=1)]
+    solids = [Shape(BOX, size), Shape(BOX, size, open_lid, (0.0, -opening, 0.0), part=1)]
     hinge = (-depth, 0.0, 0.0)
-    return solids, DrawnJoint((0.0, -1.0, 0.0), (0.1 - opening, 2.2 - opening), hinge)
+    return solids, PartJoint((0.0, -1.0, 0.0), (0.1 - opening, 2.2 - opening), hinge)
 
 
 def _chest(u: Draw) -> Drawn:
@@ -67,10 +67,10 @@ def _chest(u: Draw) -> Drawn:
     hinge = (-depth, 0.0, height + thick)
     lid = (depth * math.cos(opening) - depth, 0.0, height + thick + depth * math.sin(opening))
     solids = [
-        DrawnSolid(BOX, (depth, width, height)),
-        DrawnSolid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0), part=1),
+        Shape(BOX, (depth, width, height)),
+        Shape(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0), part=1),
     ]
-    return solids, DrawnJoint((0.0, -1.0, 0.0), (-opening, 1.8 - opening), hinge)
+    return solids, PartJoint((0.0, -1.0, 0.0), (-opening, 1.8 - opening), hinge)
 
 
 def _drawer(u: Draw) -> Drawn:
@@ -78,20 +78,20 @@ def _drawer(u: Draw) -> Drawn:
     opened, knob, t = u(0.0, 0.06), u(0.025, 0.05), u(0.004, 0.007)
     front = opened + deep + 0.004
     solids = [
-        DrawnSolid(BOX, (deep, wide + 0.01, high + 0.01)),
-        DrawnSolid(BOX, (deep, wide, high), (opened + 0.004, 0.0, 0.0), part=1),
-        DrawnSolid(BOX, (0.016, t, t), (front + 0.014, 0.0, 0.0), part=1),
+        Shape(BOX, (deep, wide + 0.01, high + 0.01)),
+        Shape(BOX, (deep, wide, high), (opened + 0.004, 0.0, 0.0), part=1),
+        Shape(BOX, (0.016, t, t), (front + 0.014, 0.0, 0.0), part=1),
         round_rod(t, knob, (front + 0.03, 0.0, 0.0), turn=STANDING, part=1),
     ]
-    return solids, DrawnJoint((1.0, 0.0, 0.0), (-opened, 0.09 - opened), slides=True)
+    return solids, PartJoint((1.0, 0.0, 0.0), (-opened, 0.09 - opened), slides=True)
 
 
 def _matchbox(u: Draw) -> Drawn:
     deep, wide, high = u(0.03, 0.06), u(0.025, 0.045), u(0.01, 0.025)
     opened, out = u(0.0, 0.05), u(0.012, 0.03)
-    tray = DrawnSolid(BOX, (deep, wide - 0.003, high - 0.003), (opened + out, 0.0, 0.0), part=1)
-    pulled = DrawnJoint((1.0, 0.0, 0.0), (-opened, 0.07 - opened), slides=True)
-    return [DrawnSolid(BOX, (deep, wide, high), rounding=0.001), tray], pulled
+    tray = Shape(BOX, (deep, wide - 0.003, high - 0.003), (opened + out, 0.0, 0.0), part=1)
+    pulled = PartJoint((1.0, 0.0, 0.0), (-opened, 0.07 - opened), slides=True)
+    return [Shape(BOX, (deep, wide, high), rounding=0.001), tray], pulled
 
 
 def _plunger(u: Draw) -> Drawn:
@@ -103,7 +103,7 @@ def _plunger(u: Draw) -> Drawn:
         rod(0.004, 0.04, (0.0, 0.0, top - knob - 0.04), part=1),
         rod(size, knob, (0.0, 0.0, top), rounding=0.5 * min(size, knob), part=1),
     ]
-    return solids, DrawnJoint((0.0, 0.0, 1.0), (-opened, 0.08 - opened), slides=True)
+    return solids, PartJoint((0.0, 0.0, 1.0), (-opened, 0.08 - opened), slides=True)
 
 
 JOINTED_FAMILIES = named(_bottle, _scissors, _pliers, _laptop, _chest, _drawer, _matchbox, _plunger)

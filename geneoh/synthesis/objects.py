@@ -6,7 +6,7 @@ from torch import Tensor
 from geneoh.config import closest_name
 from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.drawn_solids import RIGID, UNUSED, Drawn, DrawnSolid, Family
+from geneoh.synthesis.family_parts import RIGID, UNUSED, Drawn, Family, Shape
 from geneoh.synthesis.jointed_families import JOINTED_FAMILIES
 from geneoh.synthesis.rigid_families import RIGID_FAMILIES
 from geneoh.synthesis.scans import Scans
@@ -44,7 +44,7 @@ def draw_objects(
         return low + (high - low) * float(torch.rand((), generator=generator))
 
     drawn = [
-        [DrawnSolid(numbers[name], (size := uniform(*SCALES), size, size), rounding=0.0)]
+        [Shape(numbers[name], (size := uniform(*SCALES), size, size), rounding=0.0)]
         if name in numbers
         else family_named(name)(uniform)
         for name in families
@@ -54,7 +54,7 @@ def draw_objects(
 
 def scanned_object(scans: Scans) -> Solids:
     """The first scanned object as it is, in the frame at the middle of its bounding box."""
-    return _solids_of([[DrawnSolid(SCAN, (1.0, 1.0, 1.0), rounding=0.0)]], scans)
+    return _solids_of([[Shape(SCAN, (1.0, 1.0, 1.0), rounding=0.0)]], scans)
 
 
 def _solids_of(drawn: list[Drawn], scans: Scans | None) -> Solids:

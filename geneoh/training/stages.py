@@ -26,7 +26,7 @@ from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig
 from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState, digest
-from geneoh.training.tasks import SamplesPiece, divided_batch, first_weights, own_part
+from geneoh.training.tasks import SamplesPiece, Task, divided_batch, first_weights, own_part
 from geneoh.training.windows import WeightedInteractions
 
 Loss = Callable[..., Tensor]
@@ -59,8 +59,8 @@ def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
 
 
 @dataclass(frozen=True)
-class StageTask:
-    """One stage, learned from interactions; a `training.tasks.Task`."""
+class StageTask(Task):
+    """One stage, learned from interactions."""
 
     name: StageName
     config: TrainConfig

@@ -1,4 +1,4 @@
-"""What the training loop learns: the protocol of its tasks, and what tasks have in common.
+"""What the training loop learns: the base class of its tasks, and what several of them share.
 
 A task has a network, and draws the batch of a step by seed, in pieces on which the loss is taken.
 """
@@ -22,6 +22,8 @@ from geneoh.training.resume import TrainState
 from geneoh.training.run_config import RunConfig
 
 AnyBatch = TypeVar("AnyBatch", bound=Bundle)
+DrawnSamples = Iterable[tuple[Any, Draws]]
+"""Samples of pieces of a batch, each with the random numbers of its loss."""
 
 
 @runtime_checkable
@@ -33,46 +35,33 @@ class MicroBatch(Protocol):
         ...
 
 
-@runtime_checkable
-class Task(Protocol):
-    """What a run learns: a network, where its batches come from, and how it is validated."""
+class Task:
+    """What a run learns: a network, where its batches come from, and how it is validated.
 
-    @property
-    def name(self) -> str:
-        """Name of the run's files."""
-        ...
+    Subclasses are frozen dataclasses with these fields.
+    """
 
-    @property
-    def config(self) -> RunConfig:
-        """Settings of the run."""
-        ...
+    name: Any  # of the run's files
+    config: Any  # a RunConfig: settings of the run
 
     def network(self) -> nn.Module:
         """A fresh network on the CPU, initialised from the config's seed."""
-        ...
+        raise NotImplementedError
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[MicroBatch]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
-        ...
+        raise NotImplementedError
 
     def before_step(self, state: TrainState) -> None:
         """Change the state before a step, where a run has several phases."""
-        ...
 
     def validate(self, model: Any, index: int) -> Float[Tensor, ""]:
         """The error of a network on a fixed validation batch."""
-        ...
+        raise NotImplementedError
 
     def record(self) -> dict[str, Any]:
         """What a checkpoint tells of stage, config and data; see `resume.COMPARED`."""
-        ...
-
-
-class OnePhase:
-    """A task whose state nothing changes between the steps."""
-
-    def before_step(self, state: TrainState) -> None:
-        """Nothing: a run has one phase."""
+        raise NotImplementedError
 
 
 @contextmanager
@@ -115,25 +104,20 @@ class SamplesPiece:
         return share * self.of(model, self.samples, self.draws)
 
 
-class SamplesTask(OnePhase):
+class SamplesTask(Task):
     """A network of a generator, which learns from samples that are drawn for every batch.
 
-    Subclasses are frozen dataclasses with these fields, and say what is drawn and what is lost.
+    Subclasses say what is drawn and what is lost.
     """
 
-    name: Any
-    config: Any
     data: TrainingData[Any]
 
     def loss(self, model: Any, samples: Any, draws: Draws) -> Tensor:
         """The loss of the network on samples."""
         raise NotImplementedError
 
-    def drawn(
-        self, training: bool, own: Part, pieces: int, *parts: object
-    ) -> Iterable[tuple[Any, Draws]]:
-        """The items of a batch that are `own`, in pieces, by seed and `parts` (purpose, number);
-        each with the random numbers of its loss."""
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """The items of a batch that are `own`, in pieces, by seed and `parts` (purpose, number)."""
         raise NotImplementedError
 
     def learned_from(self) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
-from geneoh.training.tasks import OnePhase, first_weights
+from geneoh.training.tasks import Task, first_weights
 
 SEEN = 15  # frames of a clip (paper)
 SCALE = 5.0  # positions in the scene times this are numbers of about one, 1/m
@@ -91,8 +91,8 @@ class LabelledClips:
 
 
 @dataclass(frozen=True)
-class ClassifierTask(OnePhase):
-    """Learning verbs from real clips; a `training.tasks.Task`."""
+class ClassifierTask(Task):
+    """Learning verbs from real clips."""
 
     config: ClassifierConfig
     clips: Actions

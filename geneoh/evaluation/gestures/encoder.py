@@ -32,7 +32,7 @@ from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
-from geneoh.training.tasks import OnePhase, first_weights
+from geneoh.training.tasks import Task, first_weights
 
 SEEN = 30  # frames of a clip, from its first to its last
 AT_ONCE = 64  # clips whose features are made together
@@ -159,8 +159,8 @@ POOL = 32  # clips among which the right one is looked for (paper)
 
 
 @dataclass(frozen=True)
-class EncoderTask(OnePhase):
-    """Learning which sentence belongs to which clip; a `training.tasks.Task`."""
+class EncoderTask(Task):
+    """Learning which sentence belongs to which clip."""
 
     config: EncoderConfig
     clips: Gestures

@@ -1,6 +1,5 @@
 """The networks of BOTH2Hands as tasks of the training loop."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,7 +23,7 @@ from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.data import TrainingData
 from geneoh.training.resume import digest
-from geneoh.training.tasks import SamplesTask, first_weights
+from geneoh.training.tasks import DrawnSamples, SamplesTask, first_weights
 
 MOST = 256  # clips of which the scale of features is taken
 CHUNK = 64  # clips whose features are made at once
@@ -56,7 +55,7 @@ class GestureSamples(Bundle):
 
 @dataclass(frozen=True)
 class HandsTask(SamplesTask):
-    """One network of BOTH2Hands, learned from clips of bodies; a `training.tasks.Task`."""
+    """One network of BOTH2Hands, learned from clips of bodies."""
 
     name: BodyStage
     config: Both2HandsConfig
@@ -100,9 +99,7 @@ class HandsTask(SamplesTask):
         body = self.config.body_hands if self.branches is None else self.branches.body.config
         return "wrist" if self.name == "text_hands" else body.frame
 
-    def drawn(
-        self, training: bool, own: Part, pieces: int, *parts: object
-    ) -> Iterator[tuple[GestureSamples, Draws]]:
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
         """GestureSamples of which each piece is drawn for itself."""
         for part in own.divided(pieces):
             generator = seeded_generator(self.config.seed, self.name, *parts)

@@ -59,7 +59,7 @@ def sample_actions(
     contact map that it was made for.
 
     Of `config.draws` actions for a sentence the best one is kept (see `best_draws`). Each of them
-    has a contact map of its own from `contact_of`, unless those of the sentences are given. Where
+    has a random contact map of its own, unless those of the sentences are given. Where
     `giver` names the hand that passes the object to the other, one in which that hand does is kept,
     if one was drawn; or `fitting` tells of all drawn actions which ones fit. Verbs and names are
     `UNKNOWN`. Clips are drawn with whole tokens, because axes that frames of a token share fit no
@@ -74,11 +74,12 @@ def sample_actions(
     sentences = [sentences[int(clip)] for clip in clips]
     hands = [hands[int(clip)] for clip in clips]
     # maps are drawn where they are given, too, so that the noise of the actions is the same
-    maps = contact_of(networks, objects, sentences, generator=generator)
+    text = networks.text.encode(sentences).to(objects.points)
+    maps = networks.contact.sample(objects, text, generator=generator)
     contact = maps if contact is None else contact[clips]
     each = networks.interaction.config.frames_per_token
     whole = (lengths + each - 1) // each * each
-    condition = condition_of(networks, objects, sentences, hands, whole, contact)
+    condition = condition_of(networks.interaction, objects, text, hands, whole, contact)
     numbers = drawn_numbers(
         networks.interaction, condition, config, generator=generator, on_step=on_step
     )
@@ -110,36 +111,22 @@ def actions_of_numbers(
     return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)
 
 
-@torch.no_grad()
-def contact_of(
-    networks: Text2HoiNetworks,
-    objects: Objects,
-    sentences: Sequence[str],
-    *,
-    generator: torch.Generator,
-) -> Float[Tensor, "B P"]:
-    """Random contact maps for sentences and objects, as probabilities."""
-    text = networks.text.encode(sentences).to(objects.points)
-    return networks.contact.sample(objects, text, generator=generator)
-
-
 def condition_of(
-    networks: Text2HoiNetworks,
+    network: InteractionNetwork,
     objects: Objects,
-    sentences: Sequence[str],
+    text: Float[Tensor, "B W"],
     hands: Sequence[HandsName],
     lengths: Int[Tensor, " B"],
     contact: Float[Tensor, "B P"],
 ) -> Condition:
     """What the interaction network is told; contact maps are made binary for the paper's form."""
     device = objects.points.device
-    told = torch.ones(len(sentences), dtype=torch.bool, device=device)
-    paper = networks.interaction.config.form == "paper"
+    told = torch.ones(len(text), dtype=torch.bool, device=device)
     sides = [TAKING_PART[each] for each in hands]
     return Condition(
-        networks.text.encode(sentences).to(objects.points),
+        text,
         objects,
-        (contact > 0.5).to(contact) if paper else contact,
+        (contact > 0.5).to(contact) if network.config.form == "paper" else contact,
         torch.tensor(sides, device=device),
         torch.arange(int(lengths.max()), device=device) < lengths[:, None],
         told,

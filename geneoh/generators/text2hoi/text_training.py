@@ -1,6 +1,5 @@
 """Stage "text" of the generator: the text encoder learns what sentences mean."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -24,7 +23,7 @@ from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.run_config import RunConfig
-from geneoh.training.tasks import SamplesTask, divided_batch, first_weights
+from geneoh.training.tasks import DrawnSamples, SamplesTask, divided_batch, first_weights
 
 KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
 """Kinds of validation sentences."""
@@ -103,9 +102,7 @@ class TextTask(SamplesTask):
         with first_weights(self.config.seed, "text", "weights"):
             return TextNetwork(self.config.text)
 
-    def drawn(
-        self, training: bool, own: Part, pieces: int, *parts: object
-    ) -> Iterable[tuple[Sentences, Draws]]:
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
         """Sentences of the whole batch, of which this process's are kept."""
         config = self.config
         generator = seeded_generator(config.seed, self.name, *parts, 0)

@@ -1,6 +1,6 @@
 """The networks of Text2HOI as tasks of the training loop, and the loss of each on samples."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,12 +27,12 @@ from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.data import TrainingData
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
-from geneoh.training.tasks import SamplesTask, divided_batch, first_weights
+from geneoh.training.tasks import DrawnSamples, SamplesTask, divided_batch, first_weights
 
 
 @dataclass(frozen=True)
 class ActionTask(SamplesTask):
-    """One network of Text2HOI, learned from actions; a `training.tasks.Task`."""
+    """One network of Text2HOI, learned from actions."""
 
     name: ActionStage
     config: Text2HoiConfig
@@ -63,9 +63,7 @@ class ActionTask(SamplesTask):
             take_points(network, self.contact)
         return network
 
-    def drawn(
-        self, training: bool, own: Part, pieces: int, *parts: object
-    ) -> Iterable[tuple[ActionSamples, Draws]]:
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
         """ActionSamples that are drawn together and then divided."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, *parts)
@@ -122,9 +120,7 @@ class LengthTask(SamplesTask):
         with first_weights(self.config.seed, self.name, "weights"):
             return LengthNetwork(self.config.length)
 
-    def drawn(
-        self, training: bool, own: Part, pieces: int, *parts: object
-    ) -> Iterable[tuple[LengthSamples, Draws]]:
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
         """Random actions with a random sentence each."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, self.name, *parts)

@@ -20,7 +20,6 @@ from geneoh.generators.text2hoi.sampling import (
     UNKNOWN,
     Text2HoiSampling,
     condition_of,
-    contact_of,
     drawn_numbers,
     sample_actions,
 )
@@ -29,6 +28,7 @@ from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 HANDS = ["right hand", "left hand", "both hands"]
 SAID = ["Lift a mug with the right hand.", "Push the drawer.", "Carry the mouse."]
 LENGTHS = torch.tensor([12, 7, 2])
+TOLD = WordEncoder().encode(SAID)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def perfect(networks, clean):
 @pytest.mark.parametrize("sampler", ["multistep", "ancestral"])
 def test_a_network_that_knows_the_clean_numbers_is_followed(networks, objects, sampler):
     clean = torch.randn(3, 12, 208, generator=torch.Generator().manual_seed(5))
-    told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
+    told = condition_of(networks.interaction, objects, TOLD, HANDS, LENGTHS, torch.zeros(3, 48))
     found = drawn_numbers(
         perfect(networks, clean).interaction,
         told,
@@ -150,7 +150,7 @@ def test_the_network_is_told_the_number_of_each_level(networks, objects):
     heard = []
     interaction = InteractionNetwork(TINY.interaction)
     interaction.denoised = lambda x, level, told: (heard.append(level.unique().item()), 0 * x)[1]
-    told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
+    told = condition_of(networks.interaction, objects, TOLD, HANDS, LENGTHS, torch.zeros(3, 48))
     generator = torch.Generator().manual_seed(0)
     drawn_numbers(interaction, told, Text2HoiSampling(steps=4, guidance=1.0), generator=generator)
     assert heard == [992, 874, 188, 7]  # of noise 80 to 0.02, even in its logarithm
@@ -173,7 +173,9 @@ def test_guidance_goes_beyond_the_answer_without_the_sentence(networks, objects)
 
     interaction.encode = told
     interaction.denoised = lambda x, level, told: torch.full_like(x, given[id(told)])
-    condition = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
+    condition = condition_of(
+        networks.interaction, objects, TOLD, HANDS, LENGTHS, torch.zeros(3, 48)
+    )
     for guidance, expected in ((1.0, 1.0), (2.0, -1.0), (0.0, 3.0)):
         config = Text2HoiSampling(steps=2, guidance=guidance)
         generator = torch.Generator().manual_seed(0)
@@ -184,11 +186,9 @@ def test_guidance_goes_beyond_the_answer_without_the_sentence(networks, objects)
 def test_the_paper_s_form_is_told_a_contact_map_of_zeros_and_ones(networks, objects):
     paper = InteractionNetwork(in_paper_form(TINY.interaction))
     generator = torch.Generator().manual_seed(0)
-    contact = contact_of(networks, objects, SAID, generator=generator)
+    contact = networks.contact.sample(objects, TOLD, generator=generator).detach()
     for network, values in ((networks.interaction, contact), (paper, (contact > 0.5).float())):
-        told = condition_of(
-            replace(networks, interaction=network), objects, SAID, HANDS, LENGTHS, contact
-        )
+        told = condition_of(network, objects, TOLD, HANDS, LENGTHS, contact)
         assert told.contact.equal(values)
 
 

@@ -16,7 +16,7 @@ LYING, STANDING = (0.0, math.pi / 2, 0.0), (math.pi / 2, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class DrawnSolid:
+class Shape:
     """One solid of an object; `Solids` says what its numbers mean."""
 
     kind: int
@@ -32,26 +32,26 @@ class DrawnSolid:
         return min(self.rounding, 0.95 * min(self.size))
 
 
-UNUSED = DrawnSolid(BOX, (0.01, 0.01, 0.01), (FAR, FAR, FAR), rounding=0.0)
+UNUSED = Shape(BOX, (0.01, 0.01, 0.01), (FAR, FAR, FAR), rounding=0.0)
 
 
-def rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> DrawnSolid:
+def rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> Shape:
     """A cylinder along z."""
-    return DrawnSolid(CYLINDER, (radius, radius, half), center, **rest)
+    return Shape(CYLINDER, (radius, radius, half), center, **rest)
 
 
-def round_rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> DrawnSolid:
+def round_rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> Shape:
     """A cylinder along z with round ends."""
     return rod(radius, half, center, rounding=0.9 * radius, **rest)
 
 
-def torus(ring: float, tube: float, center: Vector = ORIGIN, **rest: Any) -> DrawnSolid:
+def torus(ring: float, tube: float, center: Vector = ORIGIN, **rest: Any) -> Shape:
     """A ring about z."""
-    return DrawnSolid(TORUS, (ring, tube, 1.0), center, **rest)
+    return Shape(TORUS, (ring, tube, 1.0), center, **rest)
 
 
 @dataclass(frozen=True)
-class DrawnJoint:
+class PartJoint:
     """What the second part of an object turns about or slides along, and how far either way."""
 
     axis: Vector
@@ -60,8 +60,8 @@ class DrawnJoint:
     slides: bool = False
 
 
-RIGID = DrawnJoint((0.0, 0.0, 1.0), (0.0, 0.0))
-Drawn = list[DrawnSolid] | tuple[list[DrawnSolid], DrawnJoint]
+RIGID = PartJoint((0.0, 0.0, 1.0), (0.0, 0.0))
+Drawn = list[Shape] | tuple[list[Shape], PartJoint]
 """A rigid object, or one with a second part on a joint."""
 Family = Callable[[Draw], Drawn]
 """Draws an object of a family, with sizes in metres by `u(low, high)`."""
