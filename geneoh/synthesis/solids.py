@@ -51,8 +51,8 @@ class Solids(Bundle):
 
     @property
     def scan(self) -> Int[Tensor, " B"]:
-        """Number of the scanned object; negative for an object of simple solids."""
-        return self.kind.amax(1) - SCAN
+        """Number of the scanned object that the first solid is; negative for a simple solid."""
+        return self.kind[:, 0] - SCAN
 
     @property
     def extents(self) -> Float[Tensor, "B 3"]:

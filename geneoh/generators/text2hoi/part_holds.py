@@ -13,29 +13,26 @@ from torch import Tensor
 
 from geneoh.choices import SIDES
 from geneoh.generators.text2hoi.held_hands import (
-    GRASPS,
-    TOUCH,
-    TRIES,
     HeldHands,
-    mean_offsets,
     table_of,
 )
 from geneoh.generators.text2hoi.opening import BEGIN, joint_frames, opener, outward, rigid_part
-from geneoh.generators.text2hoi.resting import touching_hands
-from geneoh.generators.text2hoi.settling import kept_pose, settled_pose, shifts_out
+from geneoh.generators.text2hoi.part_grips import PartTask, best_hold
+from geneoh.generators.text2hoi.settling import kept_pose, settled_pose
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh, tidied
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.contact_pads import Table
-from geneoh.synthesis.grasps import synthesize_grasps
-from geneoh.synthesis.scans import MeshFolder, Scans, build_scans
+from geneoh.synthesis.contact_pads import OtherHands, Table
+from geneoh.synthesis.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Scans, build_scans
 from geneoh.synthesis.solids import SCAN, SOLIDS, Solids
 
 GRIP = 4  # frames for which the hand holds the part before it moves and after it has moved
 RISE = 6  # frames over which a hand is lifted out of the table
-DEEPEST = 0.005  # metres that a hold may be in what it keeps out of, the soft table among it
-FEWEST = 2  # pads of a hold of the part below which another one is looked for
+FREE, CLEAR = 0.005, 0.001
+"""Metres from the first part at which a finger reaches behind the second one, or touches it."""
 STATES = SOLIDS - 1  # of the joint between its ends, in which a hold keeps out of the first part
 
 
@@ -47,8 +44,8 @@ class PartShapes:
     middles: tuple[Float[Tensor, " 3"], Float[Tensor, " 3"]]  # of their bounding boxes
 
     @classmethod
-    def of(cls, meshes: tuple[Mesh, Mesh]) -> "PartShapes":
-        """The grids of upright meshes, metres.
+    def of(cls, meshes: tuple[Mesh, Mesh], out: Float[Tensor, " 3"]) -> "PartShapes":
+        """The grids of upright meshes, metres; a hand opens the second part towards `out`.
 
         The first part is filled, as its convex hull: a hand at the second one must not be shut in.
         """
@@ -61,9 +58,10 @@ class PartShapes:
         moved = (Mesh(m.verts - at, m.faces) for m, at in zip(meshes, middles, strict=True))
         names = ("the first part", "the second part")
         scans = build_scans(MeshFolder(names, (), "", tuple(moved)))
-        return cls(scans, (middles[0], middles[1]))
+        grasped = torch.stack([scans.grasped[0], graspable(scans, meshes[1], middles, out)])
+        return cls(replace(scans, grasped=grasped), (middles[0], middles[1]))
 
-    def seen_from(self, part: int, poses: Rigid) -> Solids:
+    def seen_from(self, part: int, poses: Rigid, joint: Joint) -> Solids:
         """Objects of one part, 0 or 1, and the other one at B x N `poses` of the joint.
 
         `poses` are of the second part in the frame of the first one; what is made is in the frame
@@ -84,12 +82,31 @@ class PartShapes:
             center=center,
             rotation=turn,
             part=torch.zeros_like(kind),
-            axis=none,
-            pivot=none,
-            slides=torch.zeros(batch, dtype=torch.bool),
+            axis=joint.axis.expand(batch, 3),
+            pivot=(joint.pivot - self.middles[part]).expand(batch, 3),
+            slides=torch.tensor([joint.slides]).expand(batch),
             travel=none[:, :2],
             scans=self.scans,
         )
+
+
+def graspable(
+    scans: Scans, second: Mesh, middles: list[Float[Tensor, " 3"]], out: Float[Tensor, " 3"]
+) -> Float[Tensor, " M"]:
+    """How likely a hand takes the second part at each of its points, relatively.
+
+    It is where fingers reach both sides: a handle, a knob or an edge beyond the first part; rarely
+    elsewhere beyond the middle of the part, and nowhere next to the first part.
+    """
+    points, normals = scans.points[1], scans.normals[1]
+    field = SurfaceDistance(Mesh(second.verts - middles[1], second.faces))
+    across, _ = field.exits(points - 1e-5 * normals, -normals)
+    behind = points - across.clamp(max=1.0)[:, None] * normals
+    first, apart = torch.zeros(2, dtype=torch.long), middles[1] - middles[0]
+    gap, gap_behind = scans.distance(first, torch.stack([points, behind]) + apart)
+    held = (across < HAND_SPAN) & (gap > FREE) & (gap_behind > FREE)
+    outer = (points @ out > 0) & (gap > min(CLEAR, float(gap.amax()) / 2))
+    return torch.where(outer, torch.where(held, 1.0, WIDE_SHARE), 1e-6)
 
 
 def held_at_parts(
@@ -97,122 +114,75 @@ def held_at_parts(
 ) -> Actions:
     """The first action with the hand that moves the joint at the second part while it moves.
 
-    `meshes` stand closed, in the frame of the actions. The best of some drawn poses is brought to
-    the surface and kept; on its ways to it and from it the hand is taken out of both parts and the
-    table. So is another hand, at the first part if it is drawn there.
+    `meshes` stand closed, in the frame of the actions. The hold is kept; on its ways to it and from
+    it the hand is taken out of both parts and the table. Another hand holds the first part, beside
+    the hand that moves the joint.
     """
     moves = torch.nonzero(joint_frames(actions)[0])[:, 0]
     if not len(moves):
         return actions
-    shapes, parts = PartShapes.of(meshes), opener(actions, actions)[0].long()
-    for number in torch.nonzero(actions.hands[0])[:, 0].tolist():
-        actions = _with_hold(actions, shapes, number, int(parts[number]), moves, generator)
+    shapes = PartShapes.of(meshes, outward(actions)[0][0])
+    moving = int(opener(actions, actions)[0].long().argmax())
+    actions = _with_hold(actions, shapes, (moving, 1), None, moves, generator)
+    if bool(actions.hands[0].all()):
+        actions = _with_hold(actions, shapes, (1 - moving, 0), moving, moves, generator)
     return actions
 
 
 def _with_hold(
     actions: Actions,
     shapes: PartShapes,
-    number: int,
-    part: int,
+    hand_at: tuple[int, int],
+    before: int | None,
     moves: Int[Tensor, " M"],
     generator: torch.Generator,
 ) -> Actions:
-    """The first action with one hand at one part while the joint moves, in the frames `moves`."""
+    """The first action with a hand at a part while the joint moves, in the frames `moves`.
+
+    `hand_at` are the numbers of both, and `before` is that of a hand that it keeps out of.
+    """
+    number, part = hand_at
     seen, middle = rigid_part(actions, part), shapes.middles[part]
     poses = Rigid(*actions.joint_poses())
     some = moves[torch.linspace(0, len(moves) - 1, STATES).long()]
-    around = shapes.seen_from(part, Rigid(poses.rotation[:, some], poses.translation[:, some]))
-    ways = shapes.seen_from(part, Rigid(poses.rotation[0, :, None], poses.translation[0, :, None]))
+    joint = Joint(actions.axis[0], actions.pivot[0], bool(actions.slides[0]))
+    states = Rigid(poses.rotation[:, some], poses.translation[:, some])
+    around = shapes.seen_from(part, states, joint)
+    every = Rigid(poses.rotation[0, :, None], poses.translation[0, :, None])
+    ways = shapes.seen_from(part, every, joint)
+    out = outward(actions)[0][0]
     if SIDES[number] == "left":
-        around, ways = around.mirrored(), ways.mirrored()
+        around, ways, out = around.mirrored(), ways.mirrored(), mirror_points(out)
     hand, table = HeldHands.of(seen, number, middle), table_of(seen, number, middle)
     last = int(actions.length[0]) - 1
     hold = torch.arange(max(0, int(moves[0]) - GRIP), min(last, int(moves[-1]) + GRIP) + 1)
     first = hold[: GRIP + 1 + len(moves) // BEGIN]
-    if part or bool(touching_hands(seen)[0, number, first].any()):
-        out = outward(actions)[0][0]
-        out = out if SIDES[number] == "right" else mirror_points(out)
-        held = _hold(around, hand.take(first, "N"), out, table.take(hold, "B"), part, generator)
-        hand = over_table(kept_pose(ways, hand, held, hold, hold, table, None), table, hold)
-    else:
-        hand = replace(hand, wrist=hand.wrist + shifts_out(ways, hand, table))
+    other = None if before is None else HeldHands.of(seen, before, middle).mirrored_spheres
+    way = float((actions.joint[0, moves[-1]] - actions.joint[0, moves[0]]).sign()) if part else 0.0
+    task = PartTask(around, table.take(hold, "B"), out, way, other and at_once(other, some))
+    held = _hold(task, hand.take(first, "N"), generator)
+    hand = over_table(kept_pose(ways, hand, held, hold, hold, table, other), table, hold)
     kept = hand.into(seen, number, middle)
     return replace(actions, pose=kept.pose, wrist=kept.wrist)
 
 
-def _hold(
-    around: Solids,
-    drawn: HeldHands,
-    out: Float[Tensor, " 3"],
-    tables: Table,
-    part: int,
-    generator: torch.Generator,
-) -> HeldHands:
+def at_once(hands: OtherHands, frames: Int[Tensor, " N"]) -> OtherHands:
+    """A hand in some frames as one, all of which others keep out of."""
+    some = hands.take(frames, "B")
+    return OtherHands(some.centers.flatten(0, 1)[None], some.radii.flatten()[None])
+
+
+def _hold(task: PartTask, drawn: HeldHands, generator: torch.Generator) -> HeldHands:
     """The pose in which a hand holds a part: the best of those drawn, settled, or a new one.
 
-    `tables` are those of the hold; the one counts in which the hand is lowest.
+    Of the tables of the hold that one counts in which the hand is lowest.
     """
-    ends, frames = tables.take([0, -1], "B"), torch.arange(len(drawn.wrist))
+    ends, frames = task.tables.take([0, -1], "B"), torch.arange(len(drawn.wrist))
     middle = drawn.take(frames[len(frames) // 2].expand(2), "N")
     lower = ends.depth(*middle.spheres).amax(1).argmax()
-    table = ends.take(lower[None], "B")
-    held, frame, _ = settled_pose(around, drawn, frames, None, table, around.take([0], "S"))
-    pads, depth = _pads(around, held, out), _depth(around, held, table)
-    if not part or (float(pads) >= FEWEST and float(depth) < DEEPEST):
-        return held
-    return found_hold(around, drawn.take(frame[None], "N"), out, table, generator) or held
-
-
-def found_hold(
-    around: Solids,
-    drawn: HeldHands,
-    out: Float[Tensor, " 3"],
-    table: Table,
-    generator: torch.Generator,
-) -> HeldHands | None:
-    """The grasp of the second part that is nearest to a drawn hand, beside the first part.
-
-    It is looked for from the drawn hand's side, and then from `out`. Where no grasp passes the
-    checks of the training data it is the one that is least deep and touches; None without any.
-    """
-    copies = torch.zeros(TRIES, dtype=torch.long)
-    solids, offsets = around.take(copies, "B"), mean_offsets().expand(TRIES, -1, -1)
-    side = torch.nn.functional.normalize(drawn.wrist[0], dim=-1)
-    last = None
-    for toward in (side, out, out):
-        grasps = synthesize_grasps(
-            solids,
-            offsets,
-            GRASPS,
-            generator=generator,
-            toward=toward.expand(TRIES, -1),
-            table=table.take(copies, "B"),
-        )
-        found = HeldHands(grasps.pose, grasps.wrist)
-        touching = _pads(around, found, out)
-        depth = _depth(around, found, table)
-        away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
-        if bool((good := grasps.kept & (touching >= FEWEST)).any()):
-            return found.take(away.masked_fill(~good, torch.inf).argmin()[None], "N")
-        if bool((some := (touching > 0) & (depth < DEEPEST)).any()):
-            last = found.take(away.masked_fill(~some, torch.inf).argmin()[None], "N")
-    return last
-
-
-def _pads(around: Solids, hands: HeldHands, out: Float[Tensor, " 3"]) -> Float[Tensor, " N"]:
-    """Number of pads of hands that touch the part itself, beyond its middle."""
-    pads = hands.pads
-    gap = around.take([0], "S").signed_distance(pads.flatten(0, 1)[None]).view(pads.shape[:2])
-    return ((gap.abs() < TOUCH) & (pads @ out > 0)).sum(1).float()
-
-
-def _depth(around: Solids, hands: HeldHands, table: Table) -> Float[Tensor, " N"]:
-    """How deep the deepest sphere of hands is in both parts and the table, metres."""
-    centers, radii = hands.spheres
-    copies = torch.zeros(len(centers), dtype=torch.long)
-    inside = radii - around.take(copies, "B").signed_distance(centers)
-    return inside.maximum(table.take(copies, "B").depth(centers, radii)).amax(1)
+    around, table = task.around, ends.take(lower[None], "B")
+    held, frame, _ = settled_pose(around, drawn, frames, task.other, table, around.take([0], "S"))
+    return best_hold(task, held, drawn.take(frame[None], "N"), generator)
 
 
 def over_table(hand: HeldHands, table: Table, hold: Int[Tensor, " N"]) -> HeldHands:

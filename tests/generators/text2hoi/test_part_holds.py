@@ -9,10 +9,14 @@ from two_parts import DEEP, HIGH, HINGE, box_with_lid
 from geneoh.generators.text2hoi.held_hands import HeldHands, table_of
 from geneoh.generators.text2hoi.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.opening import rigid_part
+from geneoh.generators.text2hoi.part_grips import unmoved
 from geneoh.generators.text2hoi.part_holds import PartShapes, held_at_parts, over_table
 from geneoh.generators.text2hoi.standing import stand_on_table
+from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.joint import Joint
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rigid import Rigid
+from geneoh.synthesis.acting import overlap_of_hands
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 
 FRAMES = 60
@@ -29,11 +33,14 @@ def lidded():
 @pytest.fixture(scope="module")
 def shapes(lidded):
     """Its grids."""
-    return PartShapes.of(lidded.meshes)
+    return PartShapes.of(lidded.meshes, torch.tensor([0.0, -1.0, 0.0]))
 
 
-def opening(lidded):
-    """An action whose right hand hovers over the front of the lid while it opens by 60 degrees."""
+def opening(lidded, hands=(False, True)):
+    """An action whose right hand hovers over the front of the lid while it opens by 1 rad.
+
+    The left hand hovers at the same place.
+    """
     actions = box_actions(["open"], frames=FRAMES, jointed=True)
     still = torch.eye(3).expand(1, FRAMES, 3, 3), torch.zeros(1, FRAMES, 3)
     made = replace(actions, rotation=still[0], translation=still[1], **vars(lidded.objects))
@@ -43,24 +50,44 @@ def opening(lidded):
     # fingers point along -x and the palm down, once the hand's y is the world's z
     pose[:, 1, :, 0] = torch.tensor([torch.pi / 2, 0.0, 0.0])
     wrist[:, 1] = lidded.meshes[1].verts.mean(0) + torch.tensor([0.06, -DEEP / 2, 0.06])
+    pose[:, 0], wrist[:, 0] = mirror_axis_angle(pose[:, 1]), mirror_points(wrist[:, 1])
     joint = (torch.linspace(0, 1, FRAMES)[None] * 3 - 1).clamp(0, 1)
-    return replace(made, joint=joint, pose=pose, wrist=wrist, hands=torch.tensor([[False, True]]))
+    return replace(made, joint=joint, pose=pose, wrist=wrist, hands=torch.tensor([hands]))
 
 
 def test_what_is_seen_from_a_part_is_the_other_one_where_the_joint_has_it(lidded, shapes):
     states = torch.tensor([0.0, 1.2])
     pose = lidded.joint.pose(states)
-    seen = shapes.seen_from(1, Rigid(pose.rotation[:, None], pose.translation[:, None]))
+    seen = shapes.seen_from(
+        1, Rigid(pose.rotation[:, None], pose.translation[:, None]), lidded.joint
+    )
     inside = torch.tensor([0.0, 0.0, HIGH / 2]).expand(2, 1, 3)
     there = pose.inverse().apply(inside) - shapes.middles[1]
     assert (seen.signed_distance(there) < -0.02).all()
     assert (seen.signed_distance(torch.zeros(2, 1, 3)) < 0).all()
 
 
-def test_the_first_part_is_filled_so_that_no_hand_is_shut_in(shapes):
+def test_the_first_part_is_filled_so_that_no_hand_is_shut_in(lidded, shapes):
     pose = Rigid(torch.eye(3)[None, None], torch.zeros(1, 1, 3))
-    seen = shapes.seen_from(0, pose)
+    seen = shapes.seen_from(0, pose, lidded.joint)
     assert seen.signed_distance(torch.zeros(1, 1, 3)) < -0.02
+
+
+@pytest.mark.parametrize("part", [0, 1])
+def test_places_to_grasp_are_of_the_part_that_is_held(lidded, shapes, part):
+    pose = Rigid(torch.eye(3)[None, None], torch.zeros(1, 1, 3))
+    seen = shapes.seen_from(part, pose, lidded.joint)
+    points, _ = seen.surface_points(50, generator=seeded(), to_grasp=True)
+    assert seen.take([0], "S").signed_distance(points).abs().max() < 0.002
+
+
+def test_lids_are_grasped_at_the_edge_that_reaches_over_the_box(lidded, shapes):
+    points, front = shapes.scans.points[1] + shapes.middles[1], shapes.middles[0][1] - DEEP / 2
+    likely = shapes.scans.grasped[1] == 1
+    assert 20 < likely.sum() < len(likely) / 4
+    assert (points[likely, 1] < front).all()
+    below = (points[:, 2] < HIGH + 0.0009) & (points[:, 1] > front)
+    assert (shapes.scans.grasped[1, below] < 1e-3).all()
 
 
 def test_the_hand_is_at_the_lid_and_stays_in_its_place_while_the_lid_moves(lidded):
@@ -72,6 +99,23 @@ def test_the_hand_is_at_the_lid_and_stays_in_its_place_while_the_lid_moves(lidde
     assert (at_lid - at_lid[:1]).norm(dim=-1).max() < 1e-4
     gap = torch.cdist(at_lid[0], lid.points[0]).amin()
     assert gap < 0.02
+
+
+def test_a_hand_that_lies_flat_on_a_lid_takes_its_edge_to_open_it(lidded):
+    found = held_at_parts(opening(lidded), lidded.meshes, generator=seeded())
+    lid = HeldHands.of(rigid_part(found, 1), 1, torch.zeros(3)).take([FRAMES // 2], "N")
+    query = SurfaceDistance(lidded.meshes[1]).query(lid.pads)
+    touching = query.distance.abs() < 0.004
+    motion = lidded.joint.axis.cross(torch.tensor([0.0, -DEEP, 0.0]), dim=0)[None]
+    assert unmoved(query.normal, touching, torch.nn.functional.normalize(motion)) < 0.3
+
+
+def test_of_two_hands_one_opens_and_the_other_holds_the_box_beside_it(lidded):
+    found = held_at_parts(opening(lidded, (True, True)), lidded.meshes, generator=seeded())
+    assert overlap_of_hands(found) < 0.012
+    joints, moves = found.keypoints()[0], slice(FRAMES // 3, 2 * FRAMES // 3)
+    gaps = SurfaceDistance(lidded.meshes[0]).query(joints[:, moves]).distance.amin(2)
+    assert (gaps < 0.025).all(1).any()
 
 
 def test_a_joint_that_rests_changes_no_hand(lidded):
