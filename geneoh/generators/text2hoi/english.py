@@ -10,7 +10,7 @@ OTHER_VERBS: dict[str, tuple[str, ...]] = {
     "drink": ("tilt", "drink from", "sip from", "drink"),
     "eat": ("lift", "eat", "bite", "taste"),
     "throw": ("lift", "throw", "toss", "fling", "hurl", "juggle"),
-    "hold": ("lift", "hold", "grasp", "grip", "keep", "seize", "catch"),
+    "hold": ("lift", "hold", "grasp", "grip", "keep", "seize", "catch", "pinch"),
     "write": ("slide", "write with", "draw with", "sketch with"),
     "wipe": ("slide", "wipe", "clean", "scrub", "polish", "dust", "rub"),
     "brush": ("slide", "brush", "sweep", "comb with", "paint with"),

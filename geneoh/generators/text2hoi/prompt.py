@@ -89,6 +89,8 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     verb, known, verb_notes = asked_verb(told, words)
     if verb in JOINTED and not jointed:
         verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
+    if jointed and verb not in JOINTED:
+        verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
     hands, hand_notes = asked_hands(told, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes)
     if stated is not None:

@@ -46,6 +46,20 @@ def test_a_verb_that_was_never_made_gives_the_nearest_and_says_so():
     assert prompt.notes == ("'drink from' was never learned; the nearest verb is 'tilt'",)
 
 
+def test_to_pinch_is_to_hold_and_no_misspelt_punch():
+    prompt = read_prompt("Pinch the mug with the right hand.")
+    assert (prompt.verb, prompt.known) == ("lift", False)
+    assert prompt.notes == ("'pinch' was never learned; the nearest verb is 'lift'",)
+
+
+def test_a_verb_that_moves_two_parts_as_one_is_told():
+    told = "the closed object moves as a whole: 'open' or 'close' moves one part"
+    sentence = "Lift the lid with the right hand."
+    assert read_prompt(sentence, jointed=True).notes == (told,)
+    assert read_prompt(sentence).notes == ()
+    assert read_prompt("Open the lid with the right hand.", jointed=True).notes == ()
+
+
 def test_an_unknown_verb_gives_some_verb_and_says_so():
     prompt = read_prompt("Yodel the mug with the right hand.")
     assert not prompt.known
