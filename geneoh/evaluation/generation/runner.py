@@ -23,6 +23,7 @@ from geneoh.evaluation.generation.rows import (
     Drawn,
     draw_clips,
     drawn_and_refined,
+    joint_rests,
     nearest_training,
     refined,
 )
@@ -137,7 +138,26 @@ def evaluate_generator(
         measured[name] = made, measure_clips(made, part_of(told, 1, 2))
     found = mean_scores([scores_under(model, measured, options) for model in models])
     settings = _settings_of(options, tasks, folder, count)
-    return GenerationReport(settings, command, found, (*_about_run(settings), *notes))
+    about = (*_about_run(settings), *about_moving_joints(measured), *notes)
+    return GenerationReport(settings, command, found, about)
+
+
+def about_moving_joints(measured: Mapping[str, tuple[Actions, ClipMeasures]]) -> tuple[str, ...]:
+    """What is measured on those clips alone whose joint moves, in the real ones, row by row."""
+    real, _ = measured[REAL]
+    clips = (real.take(slice(n, n + 1), "B") for n in range(len(real.verb)))
+    moves = torch.tensor([not joint_rests(clip) for clip in clips])
+    if not bool(moves.any()):
+        return ()
+    rows = []
+    for name, (_, clip) in measured.items():
+        shown = clip.moved_alone, clip.depth_mm, clip.deepest_mm, clip.contact
+        alone, depth, deepest, contact = (float(v[moves].nanmean()) for v in shown)
+        rows.append(
+            f"{name} {100 * alone:.1f}% alone, {depth:.2f} mm deep, {deepest:.1f} mm at the "
+            f"deepest, {100 * contact:.0f}% in contact"
+        )
+    return (f"Of {int(moves.sum())} clips whose joint moves: {'; '.join(rows)}.",)
 
 
 def classifier_tasks(
