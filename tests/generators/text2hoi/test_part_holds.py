@@ -9,7 +9,7 @@ from two_parts import DEEP, HIGH, HINGE, box_with_lid
 from geneoh.generators.text2hoi.held_hands import HeldHands, table_of
 from geneoh.generators.text2hoi.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.opening import rigid_part
-from geneoh.generators.text2hoi.part_grips import unmoved
+from geneoh.generators.text2hoi.part_grips import PartTask, unmoved
 from geneoh.generators.text2hoi.part_holds import PartShapes, held_at_parts, over_table
 from geneoh.generators.text2hoi.standing import stand_on_table
 from geneoh.geometry.distance import SurfaceDistance
@@ -17,6 +17,7 @@ from geneoh.geometry.joint import Joint
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.acting import overlap_of_hands
+from geneoh.synthesis.contact_pads import OtherHands
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 
 FRAMES = 60
@@ -110,11 +111,24 @@ def test_a_hand_that_lies_flat_on_a_lid_takes_its_edge_to_open_it(lidded):
     assert unmoved(query.normal, touching, torch.nn.functional.normalize(motion)) < 0.3
 
 
+def test_a_hold_where_the_other_hand_is_counts_as_deep(lidded, shapes):
+    pose = lidded.joint.pose(torch.tensor([0.0, 0.5, 1.0]))
+    states = Rigid(pose.rotation[None], pose.translation[None])
+    around, middle = shapes.seen_from(1, states, lidded.joint), shapes.middles[1]
+    hand = HeldHands.of(opening(lidded), 1, middle).take([0], "N")
+    table, out = table_of(opening(lidded), 1, middle), torch.tensor([0.0, -1.0, 0.0])
+    alone, met = (
+        PartTask(around, table, out, 1.0, other) for other in (None, OtherHands(*hand.spheres))
+    )
+    assert met.depth(hand) > alone.depth(hand) + 0.01
+
+
 def test_of_two_hands_one_opens_and_the_other_holds_the_box_beside_it(lidded):
     found = held_at_parts(opening(lidded, (True, True)), lidded.meshes, generator=seeded())
-    assert overlap_of_hands(found) < 0.012
-    joints, moves = found.keypoints()[0], slice(FRAMES // 3, 2 * FRAMES // 3)
-    gaps = SurfaceDistance(lidded.meshes[0]).query(joints[:, moves]).distance.amin(2)
+    moving = found.at_frames(torch.arange(FRAMES // 3, 2 * FRAMES // 3)[None])
+    assert overlap_of_hands(moving) < 0.006
+    joints = moving.keypoints()[0]
+    gaps = SurfaceDistance(lidded.meshes[0]).query(joints).distance.amin(2)
     assert (gaps < 0.025).all(1).any()
 
 
