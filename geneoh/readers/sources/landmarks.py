@@ -38,13 +38,19 @@ AS_DESCRIBED = "write it as the page on estimators says"
 @reads(
     *("*.json", "*.jsonl", "*.csv"),
     choose=lambda found, path: (f for f in found if f == path or f.name not in JOURNALS),
-    takes=("keypoint_unit", "object_pose"),
+    takes=("joint_order", "keypoint_unit", "object_pose"),
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     if clip.path.suffix.lower() == ".csv":
-        yield foreign_parts(clip, read_points(clip.path, options.side), options)
+        found = read_points(clip.path, options.side, options.joint_order)
+        yield foreign_parts(clip, found, options)
         return
+    if options.joint_order != "openpose":
+        raise InputError(
+            f"{clip.path}: --joint-order is for tables of numbered points (CSV) and for npy, got "
+            "JSON, which says its order; drop it"
+        )
     value, where = foreign_files.read_json(clip.path), str(clip.path)
     found = read_results(value, where, options.side)
     if found:
