@@ -118,7 +118,7 @@ def _object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[Ob
         return parts.stated, ()
     if parts.motion is None:
         frames = parts.hands[0].frames if parts.hands else 1
-        return builders.callers_object(options, frames, where, parts.first)
+        return builders.callers_object(options, frames, where, parts.clock, parts.first)
     kept = frames_to_keep(parts, len(parts.motion))
     refuse_bottom_row(where, "the object's poses", parts.motion, kept)
     return builders.object_track(parts.meshes.values(), parts.motion), ()

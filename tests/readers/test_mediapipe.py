@@ -113,6 +113,17 @@ def test_results_in_lines_and_under_frames_are_read(tmp_path):
         assert "30 frames a second assumed" in sequence.source
 
 
+def test_a_line_that_broke_off_is_named(tmp_path):
+    """It was called line 1, and all other lines were good."""
+    lines = [json.dumps(python_task(points)) for points in POINTS]
+    path = tmp_path / "hand.jsonl"
+    path.write_text("\n".join([*lines[:3], lines[3][:200]]))
+    with pytest.raises(InputError, match=r"jsonl, line 4: expected JSON.*\(.*: column 201 "):
+        geneoh.load(path, side="right")
+    path.write_text("\n".join(lines[:3]))
+    assert geneoh.load(path, side="right").frames == 3
+
+
 def test_results_by_the_numbers_of_their_frames_keep_those_that_are_left_out(read):
     numbers = (0, 1, 3, 4, 5)
     results = {str(number): python_task(POINTS[k]) for k, number in enumerate(numbers)}
