@@ -130,7 +130,7 @@ def binary_ply_as_text(data: bytes) -> bytes | None:
         faces = [row.get(b"vertex_indices", row.get(b"vertex_index")) for row in found[b"face"]]
         lines = [" ".join(map(repr, row)) for row in places]
         lines += [" ".join(map(repr, (len(face), *face))) for face in faces]
-    except (struct.error, KeyError, TypeError, ValueError):
+    except (struct.error, LookupError, TypeError, ValueError):
         return None
     heading = ["ply", "format ascii 1.0", f"element vertex {len(places)}"]
     heading += [f"property double {axis}" for axis in "xyz"]

@@ -32,7 +32,7 @@ from geneoh.readers.records import Array, Record, as_record, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
 SWAPPED_NOTE = "both hands are bent backward as of the sides that are named: sides are exchanged"
-AS_DESCRIBED = "write it as the page on estimators says"
+AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
 
 
 @reads(
