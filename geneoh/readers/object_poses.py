@@ -16,8 +16,8 @@ from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record
 from geneoh.readers.trajectories import in_seconds, is_text, read_trajectory, with_bottom_row
 from geneoh.readers.transforms import refuse_other_matrices
 
-POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4))
-"""Shapes of the object's poses."""
+POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4), (4, 4), (3, 4))
+"""Shapes of the object's poses; without frames it is one pose."""
 
 AS_MATRICES = (
     "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle"
@@ -47,8 +47,8 @@ class ObjectPoses:
     ) -> tuple[Array, Notes]:
         """The poses of so many frames of a hand, the first of which has a number, and notes.
 
-        By the times of both, where both say them; else one for each frame, or of a whole video's
-        those with the hand's numbers.
+        By the times of both, where both say them; else one for each frame, of a whole video's those
+        with the hand's numbers, or a single one for all frames.
 
         Raises:
             InputError: times have nothing in common, or there are other poses than frames.
@@ -58,6 +58,9 @@ class ObjectPoses:
         if len(self.matrices) == frames:
             about = "the object's poses have times and the hand none: taken one for each frame"
             return self.matrices, () if self.times is None else (about,)
+        if len(self.matrices) == 1:
+            about = "the object's one pose was taken for all frames, in which it does not move"
+            return np.repeat(self.matrices, frames, axis=0), (about,)
         rows = first - self.first + np.arange(frames)
         if clock is not None and not clock.is_of_times:
             rows = np.rint(clock.told).astype(int) - self.first
@@ -97,7 +100,7 @@ class ObjectPoses:
         if len(seconds) == len(self.times) and np.allclose(seconds, self.times, 0, 1e-6):
             return poses, ()
         words = f"the object's {len(self.times)} poses were brought to the times of the hand"
-        gaps = f", {numbered(int(lost.sum()), 'frame')} of which are near none"
+        gaps = f", none of them near {numbered(int(lost.sum()), 'frame')}"
         return poses, (words + gaps * bool(lost.any()),)
 
 
@@ -124,8 +127,9 @@ def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
 
 
 def pose_field(record: Record, name: str, unit: str = "") -> Array:
-    """(T, 4, 4) or (T, Q, 4, 4) poses in a field, which may lack their last row."""
-    return with_bottom_row(record.array(name, *POSE_SHAPES, unit=unit, remedy=AS_MATRICES))
+    """(T, 4, 4) or (T, Q, 4, 4) poses in a field, which may lack their last row, or the frames."""
+    poses = record.array(name, *POSE_SHAPES, unit=unit, remedy=AS_MATRICES)
+    return with_bottom_row(poses if poses.ndim > 2 else poses[None])
 
 
 def poses_of(
@@ -161,7 +165,8 @@ def read_poses(path: Path) -> ObjectPoses:
         return ObjectPoses(*read_trajectory(path))
     value = read_values(path)
     fields = value if isinstance(value, dict) else {"array": value}
-    shaped = [name for name, each in fields.items() if np.shape(each)[-2:] in ((4, 4), (3, 4))]
+    arrays = {name: each for name, each in fields.items() if isinstance(each, Array)}
+    shaped = [name for name, each in arrays.items() if each.shape[-2:] in ((4, 4), (3, 4))]
     if len(fields) > 1 and len(shaped) != 1:
         raise InputError(
             f"{path}: expected one field of (T, 4, 4) poses, got {len(shaped)} in "

@@ -140,7 +140,7 @@ def test_times_between_which_the_object_was_lost_have_no_pose():
     poses, (note,) = ObjectPoses(POSES[kept], times=TIMES[kept]).at_times(TIMES, "a.npz")
     known = np.isfinite(poses).all((1, 2))
     assert np.flatnonzero(known).tolist() == kept
-    assert "4 frames of which are near none" in note
+    assert "none of them near 4 frames" in note
     np.testing.assert_allclose(poses[kept], POSES[kept], atol=1e-9)
 
 
@@ -187,6 +187,18 @@ def test_poses_of_a_whole_video_are_those_of_the_hands_numbered_frames(tmp_path)
     path = hand_of(tmp_path, TIMES[[2, 3, 5]], fps=30.0, frame_ids=[2, 3, 5])
     found = geneoh.load(path, object_pose=POSES)
     np.testing.assert_allclose(found.object.translation[[0, 1, 3], 0], PLACES[[2, 3, 5]], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["pose.npy", "pose.txt", "pose.json"])
+def test_an_object_that_does_not_move_has_one_pose(tmp_path, name):
+    """It was refused with the advice to cut the hand to one frame."""
+    text = json.dumps([POSES[0].tolist()]) if "json" in name else table("", POSES[0], comma=" ")
+    (tmp_path / name).write_text(text)
+    if name == "pose.npy":
+        np.save(tmp_path / name, POSES[0])
+    found = geneoh.load(hand_of(tmp_path, TIMES, fps=30.0), object_pose=tmp_path / name)
+    np.testing.assert_allclose(found.object.rotation[:, 0], POSES[[0] * FRAMES, :3, :3], atol=1e-6)
+    assert "one pose was taken for all frames, in which it does not move" in found.source
 
 
 def test_poses_in_millimetres_are_scaled_once(tmp_path):
