@@ -98,7 +98,10 @@ def table_in_text(path: Path) -> Table:
     start = next((at for at, line in enumerate(lines) if is_of_numbers(line)), len(lines))
     data = [line for line in lines[start:] if line[0] not in "#%"]
     if not data:
-        raise InputError(f"{path}: expected rows of numbers, got {len(lines)} lines without; check")
+        raise InputError(
+            f"{path}: expected rows of numbers, got {len(lines)} lines that begin with none; check "
+            f"the path, or {TO_NAME}"
+        )
     separator = separator_of(lines[max(start - 1, 0)])
     separator = separator if separator in data[0] else None
     rows = [cells_of(line, separator) for line in data]
