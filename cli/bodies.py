@@ -23,8 +23,8 @@ reading_options = options.together(
         click.IntRange(min=0),
     ),
     options.option(
-        "--object-pose: npy file of (T, 4, 4) matrices, object to the body's world, or a folder of "
-        "texts as FoundationPose writes, for --obj with --body.",
+        "--object-pose: Poses of the object, object to the body's world, for --obj with --body: "
+        "npy of (T, 4, 4) matrices, or one pose for each frame as `geneoh denoise` takes them.",
         options.FILE_OR_FOLDER,
     ),
 )

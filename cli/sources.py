@@ -25,8 +25,9 @@ reader_options = options.together(
     ),
     option("--body: Your SMPL+H model, for sources whose hands belong to a body.", FILE),
     option(
-        "--object-pose: npy file of (T, 4, 4) matrices, object's frame to hand's frame, or a "
-        "folder of texts as FoundationPose writes, for sources without an object.",
+        "--object-pose: Poses of the object, object's frame to hand's frame, for sources without "
+        "an object: npy of (T, 4, 4) matrices, a trajectory (TUM, KITTI, CSV, JSON), or a folder "
+        "of texts as FoundationPose writes.",
         FILE_OR_FOLDER,
     ),
     option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),

@@ -82,12 +82,14 @@ def open_text(path: Path, limit: int) -> TextIO:
 
 
 def table_in(file: TextIO) -> tuple[Iterator[str], str]:
-    """The lines of a table, and what separates its cells.
-
-    Excel writes semicolons where decimals have commas.
-    """
+    """The lines of a table, and what separates its cells."""
     heading = file.readline()
-    return chain([heading], file), max(",;\t", key=heading.count)
+    return chain([heading], file), separator_of(heading)
+
+
+def separator_of(heading: str) -> str:
+    """What separates cells; Excel writes semicolons where decimals have commas."""
+    return max(",;\t", key=heading.count)
 
 
 def refuse_large(path: Path, limit: int) -> None:

@@ -14,7 +14,12 @@ from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
 from geneoh.files.reading import head_of, refuse_stand_in
-from geneoh.geometry.mesh_formats import refuse_cut_off, refuse_packed, rewritten
+from geneoh.geometry.mesh_formats import (
+    binary_ply_as_text,
+    refuse_cut_off,
+    refuse_packed,
+    rewritten,
+)
 from geneoh.geometry.polygons import cut_within, obj_polygons, ply_polygons
 from geneoh.interrupts import interrupts_wait
 from geneoh.modes import undisturbed
@@ -91,15 +96,11 @@ def plain_obj(path: Path) -> Mesh | None:
 
 def by_trimesh(path: Path) -> Mesh:
     """The mesh of a file of any format; see `load_mesh`."""
-    with interrupts_wait():
-        import trimesh
-
     try:
         if path.suffix.lower() == ".glb":
             refuse_packed(path.read_bytes())
         data = rewritten(path)
-        given, kind = (path, None) if data is None else (io.BytesIO(data), path.suffix[1:].lower())
-        scene = trimesh.load_scene(given, file_type=kind, process=False)
+        scene = loaded_scene(path, data)
         refuse_cut_off(path, scene)
         mesh = without_lids(path, data, scene) or from_trimesh(scene.to_mesh())
         mesh = replace(mesh, source=path.absolute(), parts=scene_parts(scene, path))
@@ -119,6 +120,21 @@ def by_trimesh(path: Path) -> Mesh:
             "export it with its faces, or make a surface of a point cloud in a mesh editor"
         )
     return mesh
+
+
+def loaded_scene(path: Path, data: bytes | None) -> "trimesh.Scene":
+    """What trimesh makes of a file, or of the bytes that it is to read instead."""
+    with interrupts_wait():
+        import trimesh
+
+    given, kind = (path, None) if data is None else (io.BytesIO(data), path.suffix[1:].lower())
+    try:
+        return trimesh.load_scene(given, file_type=kind, process=False)
+    except ValueError:
+        text = binary_ply_as_text(path.read_bytes()) if kind is None else None
+        if text is None:
+            raise
+        return trimesh.load_scene(io.BytesIO(text), file_type="ply", process=False)
 
 
 def without_lids(path: Path, data: bytes | None, scene: "trimesh.Scene") -> Mesh | None:

@@ -3,8 +3,9 @@
 import codecs
 import json
 import re
+import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from geneoh.errors import InputError
 
@@ -16,6 +17,18 @@ ZERO = re.compile(rb"^[ \t]*f[ \t](?:[^\n#]*[ \t])?0(?=[/\s]|\Z)", re.MULTILINE)
 BACKWARD = re.compile(rb"^[ \t]*f\b.*-", re.MULTILINE)
 UNUSUAL = re.compile(rb"^[ \t]*[vf][^\n\t#]*[\t#][^\n]*|^[ \t]+[vf][^\n]*|\r(?!\n)", re.MULTILINE)
 """A line of points or faces with indentation, tabs or a comment, or an end of lines of old Macs."""
+
+PLY_NUMBERS = {
+    **dict.fromkeys((b"char", b"int8"), "b"),
+    **dict.fromkeys((b"uchar", b"uint8"), "B"),
+    **dict.fromkeys((b"short", b"int16"), "h"),
+    **dict.fromkeys((b"ushort", b"uint16"), "H"),
+    **dict.fromkeys((b"int", b"int32"), "i"),
+    **dict.fromkeys((b"uint", b"uint32"), "I"),
+    **dict.fromkeys((b"float", b"float32"), "f"),
+    **dict.fromkeys((b"double", b"float64"), "d"),
+}
+"""Types of a PLY file as `struct` names them."""
 
 
 def refuse_packed(data: bytes) -> None:
@@ -92,6 +105,55 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
 def told_plainly(line: re.Match[bytes]) -> bytes:
     """A line without what trimesh does not read."""
     return line[0].partition(b"#")[0].replace(b"\t", b" ").lstrip()
+
+
+def binary_ply_as_text(data: bytes) -> bytes | None:
+    """Points and faces of a binary PLY file as text; None for other files, and for damaged ones.
+
+    Of binary files trimesh reads those whose faces have as many corners.
+    """
+    head = re.match(rb"ply\b.*?end_header\r?\n", data, re.DOTALL)
+    order = re.search(rb"format binary_(little|big)_endian", head[0]) if head else None
+    if head is None or order is None:
+        return None
+    at, found = len(head[0]), {}
+    try:
+        for element in head[0].split(b"\nelement ")[1:]:
+            name, count, *_ = element.split()
+            kinds = [line.split()[1:] for line in element.split(b"\n") if line[:9] == b"property "]
+            rows = []
+            for _ in range(int(count) if kinds else 0):
+                row, at = ply_row(data, at, kinds, "<" if order[1] == b"little" else ">")
+                rows.append(row)
+            found[name] = rows
+        places = [[row[axis] for axis in (b"x", b"y", b"z")] for row in found[b"vertex"]]
+        faces = [row.get(b"vertex_indices", row.get(b"vertex_index")) for row in found[b"face"]]
+        lines = [" ".join(map(repr, row)) for row in places]
+        lines += [" ".join(map(repr, (len(face), *face))) for face in faces]
+    except (struct.error, LookupError, TypeError, ValueError):
+        return None
+    heading = ["ply", "format ascii 1.0", f"element vertex {len(places)}"]
+    heading += [f"property double {axis}" for axis in "xyz"]
+    heading += [f"element face {len(faces)}", "property list uint int vertex_indices", "end_header"]
+    return "\n".join([*heading, *lines, ""]).encode()
+
+
+def ply_row(
+    data: bytes, at: int, kinds: list[list[bytes]], order: str
+) -> tuple[dict[bytes, Any], int]:
+    """The properties of one element of a binary PLY file by name, and where the next one begins."""
+    row: dict[bytes, Any] = {}
+    for *kind, name in kinds:
+        codes = [PLY_NUMBERS[each] for each in kind if each != b"list"]
+        count = 1
+        if len(codes) > 1:
+            (count,) = struct.unpack_from(order + codes[0], data, at)
+            at += struct.calcsize(order + codes[0])
+        found = f"{order}{count}{codes[-1]}"
+        values = struct.unpack_from(found, data, at)
+        row[name] = values if len(codes) > 1 else values[0]
+        at += struct.calcsize(found)
+    return row, at
 
 
 def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:

@@ -14,6 +14,7 @@ from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.mano import Mano, read_mano
+from geneoh.readers.object_poses import ObjectPoses
 from geneoh.readers.places import Place
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -32,10 +33,8 @@ class ReaderOptions:
     """Folder of the object meshes, where they are not in their usual place."""
     meshes: tuple[Mesh, ...] = ()
     """The object's own meshes in metres, for sources without any."""
-    object_pose: Array | None = None
-    """(T, 4, 4) object to the hand's frame, for sources without any."""
-    first_pose: int = 0
-    """Number of the frame of the first of these poses."""
+    object_pose: ObjectPoses | None = None
+    """Poses of the object, for sources without any."""
     side: Side | None = None
     """The hand to read; for files that do not say it, the hand that they hold."""
     fps: float | None = None

@@ -15,6 +15,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
 from geneoh.readers import transforms
 from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, finite_frames
+from geneoh.readers.clock import Clock
 from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
@@ -173,7 +174,7 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
 
 
 def callers_object(
-    options: ReaderOptions, frames: int, where: str, first: int = 0
+    options: ReaderOptions, frames: int, where: str, clock: Clock | None = None, first: int = 0
 ) -> tuple[ObjectTrack, Notes]:
     """The caller's object beside a source that has none; without one, nothing that moves."""
     if options.object_pose is None and options.meshes:
@@ -184,27 +185,9 @@ def callers_object(
         )
     if options.object_pose is None:
         return ObjectTrack.resting((), frames), ("the source has no object; give one with --obj",)
-    poses, notes = options.object_pose, ()
-    if len(poses) != frames:
-        poses, notes = poses_of_frames(poses, options.first_pose, frames, where, first)
+    poses, notes = options.object_pose.of_frames(frames, where, clock, first)
     transforms.refuse_bottom_row(where, "the poses in --object-pose", poses)
     return object_track(options.meshes, poses), notes
-
-
-def poses_of_frames(
-    poses: Array, first_pose: int, frames: int, where: str, first: int
-) -> tuple[Array, Notes]:
-    """Of a whole video's poses those of the frames from number `first` on, with a note."""
-    begin, last = first - first_pose, first + frames - 1
-    if first and begin >= 0 and begin + frames <= len(poses):
-        words = f"of the object's {len(poses)} poses those of frames {first} to {last}"
-        return poses[begin : begin + frames], (words,)
-    which = f", which are numbers {first} to {last}," if first else ","
-    got = f"{len(poses)} from number {first_pose} on" if first_pose else f"{len(poses)}"
-    raise InputError(
-        f"{where}: the object's poses must be one for each of the {frames} frames{which} "
-        f"got {got}; cut them to the same frames"
-    )
 
 
 def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:

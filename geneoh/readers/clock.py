@@ -54,8 +54,15 @@ class Clock:
     """(T,) frames from the first one, that rise by about 1 where none is left out."""
     fps: float | None
     """Of even frames, by times; frame numbers do not say it."""
+    told: Array
+    """(T,) as the file counts: seconds, or the numbers of its frames."""
     stride: float = 1.0
     """From one frame's number to the next one's."""
+
+    @property
+    def is_of_times(self) -> bool:
+        """Whether times say it, and not the numbers of the frames."""
+        return self.name in TIME_NAMES
 
     @property
     def instants(self) -> Array:
@@ -200,12 +207,12 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
             f"{record.where}: '{name}' must be numbers that rise from frame to frame, got {after} "
             f"after {before} in frame {wrong[0] + 1}; {remedy_of(record, name)}"
         )
-    values = values - values[0]
+    told, values = values, values - values[0]
     if name in TIME_NAMES:
-        seconds = values * seconds_of(record, name, np.diff(values))
-        return clock_of_times(record, name, seconds, said)
+        unit = seconds_of(record, name, np.diff(values))
+        return replace(clock_of_times(record, name, values * unit, said), told=told * unit)
     stride, _ = usual_step(values)
-    return Clock(name, values / stride, None, stride)
+    return Clock(name, values / stride, None, told, stride)
 
 
 def remedy_of(record: Record, name: str) -> str:
@@ -235,7 +242,7 @@ def clock_of_times(record: Record, name: str, seconds: Array, said: float | None
             )
         said = own
     at = seconds / step if multiples and (said == own or off < SAME_RATE) else seconds * said
-    return Clock(name, at, said)
+    return Clock(name, at, said, seconds)
 
 
 def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:

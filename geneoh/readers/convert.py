@@ -24,6 +24,7 @@ from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.object_poses import ObjectPoses
 from geneoh.readers.recordings import read_clip, refuse_unused
 from geneoh.readers.registry import Source
 from geneoh.sequence.sequence import Sequence
@@ -98,6 +99,8 @@ def _as_json(value: Any) -> Any:
     """The value of an option; of arrays and meshes a digest."""
     if isinstance(value, np.ndarray):
         return f"{value.shape} {sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, ObjectPoses):
+        return {name: _as_json(part) for name, part in vars(value).items()}
     if isinstance(value, Mesh):
         return sha256(obj_text(value).encode()).hexdigest()
     if isinstance(value, Path):

@@ -91,7 +91,7 @@ class DatasetReader:
         """One interaction with all of its frames, as labels of frames count them."""
         where, checks = str(clip.path), parts.cross_checks
         rate, clock, about_time = self.timing(parts, options, where)
-        motion, about_object = _object_of(parts, options, where)
+        motion, about_object = _object_of(parts, options, clock, where)
         motion, about_meshes = meshes.with_parts(motion)
         names = tuple(parts.meshes)
         if len(names) != len(motion.meshes):
@@ -118,12 +118,14 @@ def reads(
     return lambda parts: DatasetReader(parts, patterns, **how)
 
 
-def _object_of(parts: ClipParts, options: ReaderOptions, where: str) -> tuple[ObjectTrack, Notes]:
+def _object_of(
+    parts: ClipParts, options: ReaderOptions, clock: Clock | None, where: str
+) -> tuple[ObjectTrack, Notes]:
     """The object of an interaction, or the caller's where its source has none, and a note then."""
     if parts.stated is not None:
         return parts.stated, ()
     if parts.motion is None:
-        return builders.callers_object(options, parts.frames, where, parts.first)
+        return builders.callers_object(options, parts.frames, where, clock, parts.first)
     kept = frames_to_keep(parts, len(parts.motion))
     refuse_bottom_row(where, "the object's poses", parts.motion, kept)
     return builders.object_track(parts.meshes.values(), parts.motion), ()

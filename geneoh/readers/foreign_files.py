@@ -16,24 +16,6 @@ from geneoh.files.values import read_values
 from geneoh.readers.nested_lists import Shape
 from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, as_record
 
-POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
-"""Shapes of the object's poses."""
-
-AS_MATRICES = (
-    "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle, "
-    "or of 3x4 numbers and the row 0 0 0 1"
-)
-"""What to do about poses of other shapes."""
-
-IN_A_TEXT = (
-    "write the 16 numbers of a 4x4 matrix with spaces between them; a position and a quaternion "
-    "or axis-angle make one"
-)
-"""What to do about a text that holds no matrix."""
-
-TEXTS = (".txt", ".csv", ".tsv", ".json", ".jsonl", ".yaml", ".yml")
-"""Endings of texts, in which people have poses in many forms."""
-
 TABLE_LIMIT = 2**29
 """Bytes of a table that is read line by line."""
 
@@ -55,59 +37,25 @@ def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
     return record.array("array", *shapes)
 
 
-def read_poses(path: Path) -> tuple[Array, int]:
-    """(T, 4, 4) or (T, Q, 4, 4) poses of the caller's object, object to the hand's frame, and the
-    number of their first frame, 0 where none is said.
-
-    A folder holds a text of a 4x4 matrix for each frame, as FoundationPose writes them; frames
-    whose number is left out are NaN.
-    """
-    if path.is_dir():
-        files = files_of_poses(path)
-        first = min(files)
-        found = {frame - first: read_matrix(file) for frame, file in files.items()}
-        return by_frame(found, max(files) + 1 - first, 4, 4), first
-    if path.suffix.lower() in TEXTS and path.is_file():
-        raise InputError(
-            f"{path}: expected the object's poses as a npy file of (T, 4, 4) matrices, or as a "
-            f"folder with a text of each frame's matrix, got a {path.suffix} file; read it in "
-            f"Python, {AS_MATRICES}, and save them with numpy.save"
-        )
-    return read_array(path, *POSE_SHAPES, remedy=AS_MATRICES), 0
-
-
-def files_of_poses(folder: Path) -> dict[int, Path]:
-    """The texts of a folder of poses by their frame's number; in order where names are times."""
-    files = sorted(folder.glob("*.txt"))
-    if not files:
-        raise InputError(
-            f"{folder}: expected a text of a 4x4 matrix for each frame, such as 000000.txt, got "
-            "none; name the folder ob_in_cam of FoundationPose, or a npy file"
-        )
-    if all(file.stem.isdecimal() and int(file.stem) > FRAME_LIMIT for file in files):
-        return dict(enumerate(sorted(files, key=lambda file: int(file.stem))))
-    return numbered_files(folder, "*.txt")
-
-
-def read_matrix(path: Path) -> Array:
-    """The 4x4 matrix in a text, in four rows or in one."""
-    values = read_numbers(path, 4, 16, remedy=IN_A_TEXT)
-    if values.size != 16:
-        raise InputError(f"{path}: expected a 4x4 matrix, got {len(values)} rows; write it again")
-    return values.reshape(4, 4)
-
-
 def read_json(path: Path) -> Any:
     """The value in a JSON file; of one with a value a line (.jsonl), the list of them."""
     data = read_bytes(path, JSON_LIMIT)
+    if path.suffix.lower() != ".jsonl":
+        return json_in(data, str(path), "copy it again")
+    lines = ((number, line) for number, line in enumerate(data.splitlines(), 1) if line.strip())
+    cure = "copy it again, or leave the line out"
+    return [json_in(line, f"{path}, line {number}", cure) for number, line in lines]
+
+
+def json_in(data: bytes, where: str, cure: str) -> Any:
+    """The value of a text of JSON; `InputError` where it is none."""
     try:
-        if path.suffix.lower() == ".jsonl":
-            return [json.loads(line) for line in data.splitlines() if line]
         return json.loads(data)
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
+        reason = reason if ", line " not in where else reason.replace("line 1 ", "")
         raise InputError(
-            f"{path}: expected JSON, got what is none ({reason}); it is damaged, copy it again"
+            f"{where}: expected JSON, got what is none ({reason}); it is damaged, {cure}"
         ) from None
 
 

@@ -1,8 +1,10 @@
 """Landmarks of hands in tables (CSV).
 
-Tables are wide, a row a frame with columns such as `x0` or `WRIST_x`, or long, a row a point with
-the columns `frame`, `landmark`, `x`, `y` and `z`. They may have the number of each frame, its time,
-or both (`geneoh.readers.clock`), and the side of the hand.
+Tables are wide, a row a frame with columns such as `x0`, `WRIST_x` or `LeftIndexTipPosX`, or long,
+a row a point with the columns `frame`, `landmark`, `x`, `y` and `z`. They may have the number of
+each frame, its time, or both (`geneoh.readers.clock`), and the side of the hand. Points have names,
+those of MediaPipe, OpenXR, WebXR and the like, or numbers in a named order. What else is there,
+such as orientations and points that OpenPose lacks, is passed over.
 """
 
 import csv
@@ -13,44 +15,54 @@ from typing import Any
 
 import numpy as np
 
-from geneoh.choices import Side
+from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError, numbered
 from geneoh.files.reading import open_text, table_in
 from geneoh.readers import mediapipe
 from geneoh.readers.clock import TIME_NAMES
+from geneoh.readers.column_names import coordinate_in, plain_name, point_in, side_in, words_of
 from geneoh.readers.foreign_files import JSON_LIMIT, number_in
+from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.records import FRAME_LIMIT, Record
 
-FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
-NAMES = (
-    *("WRIST", "THUMB_CMC", "THUMB_MCP", "THUMB_IP", "THUMB_TIP"),
-    *(f"{finger}_{joint}" for finger in FINGERS for joint in ("MCP", "PIP", "DIP", "TIP")),
-)
-"""MediaPipe's names of the landmarks, which are in OpenPose's order."""
 FRAME_COLUMNS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number")
 SIDE_COLUMNS = ("side", "hand", "handedness", "label")
-POINT_COLUMNS = ("landmark", "landmark_id", "landmark_index", "landmark_name", "joint", "keypoint")
-POINT_AND_AXIS = re.compile(r"(?:landmark|joint|keypoint)?[_ .]?(\w+?)[_ .]?([xyz])")
-AXIS_AND_POINT = re.compile(r"([xyz])[_ .]?(\d+)")
+POINT_COLUMNS = tuple(
+    f"{point}{end}"
+    for point in ("landmark", "joint", "keypoint")
+    for end in ("", "_id", "_index", "_name", "id", "name")
+)
 UNREAD = re.compile(r"[^#]*\d[^#]*")
 """A cell that holds a number if any; older programs of Windows write NaN as `1.#QNAN`."""
 
 Row = dict[str | None, Any]
 """A row of a table by the names of its columns."""
 
+Column = tuple[Side | None, int | None, int]
+"""Side, point and axis of the coordinates in a column; the point is None where a row is a point,
+and the side where its name says none."""
+
 Cell = tuple[Side | None, int, int, int, float]
 """Side, frame, point, axis and number of a coordinate."""
 
 
-def read_points(path: Path, side: Side | None) -> mediapipe.Landmarks:
-    """The hands in a table of points, by the side that a column says; see `as_one_hand`."""
-    rows, columns = read_rows(path)
+def read_points(
+    path: Path, side: Side | None, order: JointOrder = "openpose"
+) -> mediapipe.Landmarks:
+    """The hands in a table of points, by the side that it says; see `as_one_hand`.
+
+    `order` is that of numbered points.
+    """
+    rows, names = read_rows(path)
     frames = frames_of(rows)
-    cells = list(cells_of(rows, frames, columns, side, path))
+    numbered_as = Numbering(order, path)
+    columns = point_columns(names, numbered_as)
+    cells = list(cells_of(rows, frames, columns, side, numbered_as))
     numbers = [frame for _, frame, _, _, _ in cells]
     first, last = min(numbers, default=0), max(numbers, default=0)
     if not cells or last - first >= FRAME_LIMIT:
         raise InputError(f"{path}: expected rows of 1 to {FRAME_LIMIT} frames; correct the table")
+    numbered_as.refuse_unused()
     found: mediapipe.Tracks = {}
     for label, frame, point, axis, number in cells:
         track = found.setdefault(label, mediapipe.empty_track(last - first + 1))
@@ -68,15 +80,15 @@ def read_points(path: Path, side: Side | None) -> mediapipe.Landmarks:
     )
 
 
-def read_rows(path: Path) -> tuple[list[Row], dict[str, tuple[int | None, int]]]:
-    """The rows of a table, and its columns of coordinates; see `point_columns`."""
+def read_rows(path: Path) -> tuple[list[Row], list[str]]:
+    """The rows of a table, and the names of its columns."""
     try:
         with open_text(path, JSON_LIMIT) as file:
             lines, separator = table_in(file)
             table = csv.DictReader(lines, delimiter=separator)
-            table.fieldnames = [str(name).strip().lower() for name in table.fieldnames or ()]
-            columns = point_columns(table.fieldnames, path)
-            return [with_points(row, separator, path) for row in table], columns
+            names = [str(name).strip() for name in table.fieldnames or ()]
+            table.fieldnames = names
+            return [with_points(row, separator, path) for row in table], names
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
 
@@ -104,12 +116,13 @@ def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
     known = sorted(told)
     every = np.arange(int(known[0]), int(known[-1]) + 1)
     times = np.interp(every, known, [told[frame] for frame in known])
-    return Record(str(path), {name: times}, "correct the table")
+    return Record(str(path), {plain_name(name): times}, "correct the table")
 
 
 def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
-    """The first of some names that a table has as a column."""
-    return next((name for name in names if rows and name in rows[0]), None)
+    """The column of a table that is called by the first of some names, if any is."""
+    called = {plain_name(name): name for name in reversed(list(rows[0] if rows else ())) if name}
+    return next((called[name] for name in names if name in called), None)
 
 
 def frames_of(rows: list[Row]) -> list[float]:
@@ -123,65 +136,93 @@ def frames_of(rows: list[Row]) -> list[float]:
     return np.arange(float(len(rows))).tolist()
 
 
-def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | None, int]]:
-    """Point and axis of each column of coordinates; the point is None where a row is a point."""
-    names = list(names)
-    if {"x", "y", "z"} <= set(names) and set(names) & set(POINT_COLUMNS):
-        return {axis: (None, "xyz".index(axis)) for axis in "xyz"}
-    found: dict[str, tuple[int | None, int]] = {}
-    for name in names:
-        swapped, plain = AXIS_AND_POINT.fullmatch(name), POINT_AND_AXIS.fullmatch(name)
-        point, axis = swapped.group(2, 1) if swapped else plain.groups() if plain else ("", "x")
-        number = point_number(point)
-        if number is None and point.isdecimal():
+class Numbering:
+    """The order of points that have numbers in a table, which must be needed if it is said."""
+
+    def __init__(self, order: JointOrder, path: Path) -> None:
+        self.path, self._order, self._used = path, order, False
+        self._count, entries = ORDERS[order].count, ORDERS[order].entries
+        self._points = {entry: point for point, entry in enumerate(entries)}
+        if -1 in entries:
             raise InputError(
-                f"{path}: expected the 21 points of OpenPose's order, 0 to 20, got the column "
-                f"{name!r}; save other points as npy and name their order (--joint-order), or "
-                "keep those 21"
+                f"{path}: expected an order with all 21 points, got --joint-order {order}; save "
+                "the points as npy"
             )
-        if number is not None:
-            found[name] = (number, "xyz".index(axis))
-    if len(set(found.values())) != 63:
+
+    def point(self, words: list[str]) -> int | str | None:
+        """As `point_in`, with OpenPose's number for a number in the order, or "" for none of it."""
+        point = point_in(words)
+        if not isinstance(point, str) or not point:
+            return point
+        self._used = True
+        if int(point) >= self._count:
+            raise InputError(
+                f"{self.path}: expected the {self._count} points of the order {self._order}, 0 to "
+                f"{self._count - 1}, got number {point}; name the order of the points "
+                "(--joint-order), such as openxr for the 26 of OpenXR, or keep those"
+            )
+        return self._points.get(int(point), "")
+
+    def refuse_unused(self) -> None:
+        """Refuse an order of points that have names."""
+        if self._order != "openpose" and not self._used:
+            raise InputError(
+                f"{self.path}: --joint-order is for numbered points, got points with names, which "
+                "say their order; drop it"
+            )
+
+
+def point_columns(names: list[str], numbering: Numbering) -> dict[str, Column]:
+    """Side, point and axis of each column of coordinates of the 21 points."""
+    said = {name: coordinate_in(name) for name in names}
+    places = {name: at for name, at in said.items() if at is not None and not at.is_turn}
+    alone: dict[str, Column] = {
+        name: (None, None, "xyz".index(at.axis)) for name, at in places.items() if not at.of
+    }
+    if len(alone) == 3 and {plain_name(name) for name in names} & set(POINT_COLUMNS):
+        return alone
+    found: dict[str, Column] = {}
+    for name, at in places.items():
+        point = numbering.point(list(at.of))
+        if isinstance(point, int):
+            found[name] = (side_in(at.of), point, "xyz".index(at.axis))
+    sides = {side for side, _, _ in found.values()}
+    if not found or len(set(found.values())) != 63 * len(sides):
         raise InputError(
-            f"{path}: expected a table of landmarks: the columns x0, y0, z0 to z20 or WRIST_x to "
-            "PINKY_TIP_z with a row a frame, or frame, landmark, x, y, z with a row a landmark, "
-            f"got {', '.join(names)[:200] or 'no columns'}; rename them"
+            f"{numbering.path}: expected a table of landmarks: the columns x0, y0, z0 to z20 or "
+            "WRIST_x to PINKY_TIP_z, or the names of OpenXR, such as LeftIndexTipPosX, with a row "
+            "a frame, or frame, landmark, x, y, z with a row a landmark, got "
+            f"{', '.join(names)[:200] or 'no columns'}; rename them"
         )
     return found
-
-
-def point_number(text: str) -> int | None:
-    """The number of a landmark that is given by it or by MediaPipe's name; None for neither."""
-    name = text.strip().upper().rpartition(".")[2]
-    if name in NAMES:
-        return NAMES.index(name)
-    number = number_in(text)
-    return int(number) if number in range(21) else None
 
 
 def cells_of(
     rows: list[Row],
     frames: list[float],
-    columns: dict[str, tuple[int | None, int]],
+    columns: dict[str, Column],
     side: Side | None,
-    path: Path,
+    numbering: Numbering,
 ) -> Iterable[Cell]:
-    """Every coordinate in a table; `side` is that of rows that say none."""
-    long = next(iter(columns.values()))[0] is None
+    """Every coordinate in a table of the 21 points; `side` is that of rows that say none."""
+    long = any(point is None for _, point, _ in columns.values())
     timed = column_of(rows, (*FRAME_COLUMNS, *TIME_NAMES)) is not None
+    naming, saying = column_of(rows, POINT_COLUMNS), column_of(rows, SIDE_COLUMNS)
+    path = numbering.path
     for line, (row, frame) in enumerate(zip(rows, frames, strict=True)):
-        named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""
-        told_side: Side | None = next(
-            (mediapipe.label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None
-        )
-        for name, (fixed, axis) in columns.items():
-            point = point_number(named) if fixed is None else fixed
-            if point is None or not abs(frame) < 1e9 or (long and not timed):
-                raise InputError(
-                    f"{path}: line {line + 2} must have the number or the time of its frame as a "
-                    f"number, and a landmark from 0 to 20 or by name, got {frame:g} and "
-                    f"{named!r:.40}; correct it"
-                )
+        named = (row[naming] if naming else None) or ""
+        row_side = side_in(words_of(row[saying] or "")) if saying else None
+        row_point = numbering.point(words_of(named)) if long else ""
+        if row_point is None or not abs(frame) < 1e9 or (long and not timed):
+            raise InputError(
+                f"{path}: line {line + 2} must have the number or the time of its frame as a "
+                f"number, and a landmark by number or by name, got {frame:g} and "
+                f"{named!r:.40}; correct it"
+            )
+        for name, (told, fixed, axis) in columns.items():
+            point = row_point if fixed is None else fixed
+            if not isinstance(point, int):
+                continue
             number = number_in(cell := row[name] or "")
             if number != number and UNREAD.fullmatch(cell):
                 raise InputError(
@@ -189,4 +230,4 @@ def cells_of(
                     "thousands and with a decimal point where commas separate cells, got "
                     f"{cell!r:.40}; correct the table"
                 )
-            yield told_side or side, int(frame), point, axis, number
+            yield told or row_side or side, int(frame), point, axis, number

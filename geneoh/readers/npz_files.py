@@ -17,13 +17,14 @@ from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
-from geneoh.readers import foreign_files, npz_layouts
+from geneoh.readers import npz_layouts
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_hands import read_hands
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_objects import read_object
+from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
 from geneoh.readers.places import Place, place_of
 from geneoh.readers.recordings import read
 from geneoh.readers.records import Array, Notes, Record, float32
@@ -85,9 +86,9 @@ def load(
         joint_order: order of the keypoints, where the file holds bare `joints`.
         keypoint_unit: of the lengths in such a file, `camera_position` among them, and of
             `object_pose`; by default metres.
-        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
-            or a folder with a text of each frame's matrix, where the file holds no motion of the
-            object.
+        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or a file of them or of
+            a trajectory (npy, npz, TUM, KITTI, CSV, JSON), or a folder with a text of each frame's
+            matrix, where the file holds no motion of the object.
         camera: position of the camera in the world, metres, where the file does not say it and the
             hand was estimated from images; (0, 0, 0) or "origin" where the coordinates are the
             camera's.
@@ -101,18 +102,17 @@ def load(
         shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
         return read(source, path, obj=obj or (), object_pose=object_pose, **shared, **bare)
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
-    if isinstance(object_pose, Path | str):
-        object_pose, _ = foreign_files.read_poses(Path(object_pose))
+    given = poses_of(object_pose, "geneoh.load")
     record = npz_layouts.read_fields(path)
     layout = npz_layouts.layout_of(record)
     record = with_joint_order(record, layout, joint_order)
-    record = with_callers(record, "obj_pose", object_pose)
+    record = with_callers(record, "obj_pose", given and given.matrices)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
     # first: it may be why the rest is refused
     for note in npz_layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
-    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
+    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, given)
     notes = (*notes, missing) if missing else notes
     for note in notes:
         LOG.warning("%s: %s", path, note)
@@ -168,8 +168,7 @@ def in_metres(record: Record, layout: npz_layouts.Layout, unit: Unit | None) -> 
     for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
     if "obj_pose" in record:
-        cure = foreign_files.AS_MATRICES
-        poses = record.array("obj_pose", *foreign_files.POSE_SHAPES, remedy=cure).copy()
+        poses = pose_field(record, "obj_pose").copy()
         poses[..., :3, 3] *= METRES[unit]
         values["obj_pose"] = poses
     return replace(record, values=values)
@@ -182,11 +181,20 @@ def sequence_in(
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
+    given: ObjectPoses | None = None,
 ) -> tuple[Sequence, Notes]:
-    """The sequence in the fields of a layout, and what had to be assumed, in words."""
+    """The sequence in the fields of a layout, and what had to be assumed, in words.
+
+    `given` are the caller's poses of the object, whose matrices are the field 'obj_pose'.
+    """
     hands, about_hands = read_hands(record, layout, side, mano_dir)
-    motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
+    if given is not None:
+        given = replace(given, matrices=pose_field(record, "obj_pose"))
+        poses, about_poses = given.of_frames(hands[0].frames, record.where, clock)
+        record = replace(record, values={**record.values, "obj_pose": poses})
+        notes = (*about_poses, *notes)
+    motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
     if motion.valid is not None and motion.is_known:
         lost = int((~motion.valid).any(1).sum())
         gaps = f"{numbered(lost, 'frame')} without a pose of the object, filled in"

@@ -45,6 +45,7 @@ def read_hands(
 def side_of(record: Record, given: Side | None) -> Side:
     """Which hand a file of one hand holds, by its field 'side' or the caller, who must agree."""
     side = record.optional_text("side")
+    side = side and side.strip().lower()
     if side not in (None, "left", "right"):
         raise record.refuse("side", "'left' or 'right'", "correct it")
     if side is None and given is None:

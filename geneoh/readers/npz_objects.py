@@ -5,8 +5,8 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES
 from geneoh.readers.npz_layouts import OBJECT_FIELDS, quoted
+from geneoh.readers.object_poses import pose_field
 from geneoh.readers.records import Array, Record, float32
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.gaps import fill_object
@@ -30,8 +30,7 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
             + (f"{quoted(pair)} and 'obj_pose'; remove one of them" if pair else MOTION_MISSING)
         )
     if "obj_pose" in record:
-        unit = "object to world"
-        matrix = record.array("obj_pose", *POSE_SHAPES, unit=unit, remedy=AS_MATRICES)
+        matrix = pose_field(record, "obj_pose", "object to world")
         matrix = matrix if matrix.ndim == 4 else matrix[:, None]
         refuse_bottom_row(record.where, "'obj_pose'", matrix)
         rotation, translation = matrix[..., :3, :3], matrix[..., :3, 3]

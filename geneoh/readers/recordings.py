@@ -6,14 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import numpy as np
-
 from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, checked_call, closest_name, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import refuse_missing
-from geneoh.geometry.mesh import METRES
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.readers.base import (
@@ -24,9 +21,9 @@ from geneoh.readers.base import (
     clip_name,
     fit_for_name,
 )
-from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
+from geneoh.readers.object_poses import poses_of
 from geneoh.readers.places import place_of
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array
 from geneoh.readers.registry import SOURCES, Source
 from geneoh.sequence.distance_check import check_distance
 from geneoh.sequence.sequence import Sequence
@@ -45,8 +42,8 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
         options: what the source leaves open, by the names of `geneoh.readers.base.ReaderOptions`:
             `mano_dir`, `side`, `fps`, `focal` and so on. In place of `meshes` it is `obj`, the mesh
             of the object or its file, or one per rigid part, with `unit`, that of the files.
-            `object_pose` may be a npy file or a folder of texts, in the unit that `keypoint_unit`
-            says, and `camera` be "origin".
+            `object_pose` may be an array, or what `geneoh.readers.object_poses.read_poses` reads,
+            in the unit that `keypoint_unit` says, and `camera` be "origin".
 
     Raises:
         ConfigError: there is no source of that name, or it makes no use of one of the options.
@@ -75,17 +72,10 @@ def options_with_files(
         if is_plain(kinds.get(name)):
             others[name] = as_field_type(value, kinds[name], "geneoh.read", name)
     unit, keypoint_unit = others.pop("unit"), others.get("keypoint_unit")
-    if isinstance(object_pose, Path | str):
-        object_pose, others["first_pose"] = read_poses(Path(object_pose))
-    elif object_pose is not None:
-        given = Record("geneoh.read", {"object_pose": object_pose}, AS_MATRICES)
-        object_pose = given.array("object_pose", *POSE_SHAPES)
+    poses = poses_of(object_pose, "geneoh.read", keypoint_unit)
     if (camera := others.get("camera")) is not None:
         others["camera"] = place_of(camera, "geneoh.read")
-    if object_pose is not None and keypoint_unit is not None:
-        object_pose = np.array(object_pose, dtype=np.float64)
-        object_pose[..., :3, 3] *= METRES[keypoint_unit]
-    return ReaderOptions(meshes=meshes_of(obj, unit), object_pose=object_pose, **others)
+    return ReaderOptions(meshes=meshes_of(obj, unit), object_pose=poses, **others)
 
 
 def source_named(name: str) -> Source:
@@ -165,7 +155,7 @@ def refuse_unused(source: Source, options: ReaderOptions) -> None:
     plain, takes = ReaderOptions(), source.reader().takes
     for name in OF_SOME:
         given = getattr(options, name)
-        if name not in takes and (isinstance(given, Array) or given != getattr(plain, name)):
+        if name not in takes and given != getattr(plain, name):
             option = name.replace("_", "-")
             raise ConfigError(f"--{option}: {source.title} makes no use of it, got one; drop it")
 

@@ -66,7 +66,8 @@ hamer | HaMeR and WiLoR dumps | hands | HaMeR MIT, WiLoR CC BY-NC-ND 4.0 | \
 github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR
 hawor | HaWoR world results | two hands | CC BY-NC-ND 4.0 | github.com/ThunderVVV/HaWoR
 aria | Aria MPS | hands | your own | facebookresearch.github.io/projectaria_tools
-landmarks | MediaPipe, WebXR or OpenXR landmarks | hands (JSON, CSV; --side, --keypoint-unit) | \
+landmarks | MediaPipe, WebXR or OpenXR landmarks | \
+hands (JSON, CSV; --side, --joint-order, --keypoint-unit) | \
 your own | any program that writes them
 keypoints | any keypoints | one hand (npy, npz; --side, --joint-order) | your own | \
 any program that writes them

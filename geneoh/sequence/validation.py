@@ -246,7 +246,8 @@ def check_object(motion: ObjectTrack, name: str) -> None:
         raise InputError(
             f"{name}: the object moves {parts} rigid {'part' if parts == 1 else 'parts'}, got "
             f"{meshes} {'mesh' if meshes == 1 else 'meshes'}; "
-            "give one mesh per part, in the order of the parts"
+            "give one mesh per part, in the order of the parts; join the meshes of one part in a "
+            "file"
         )
     both = (motion.rotation, motion.translation)
     finite = torch.stack([part.isfinite().flatten(1).all(1) for part in both]).all(0)

@@ -1,4 +1,5 @@
 import json
+import struct
 import sys
 
 import pytest
@@ -314,6 +315,41 @@ def test_useless_file_is_refused_in_one_sentence_that_names_it(name, content, sa
     assert message.startswith(str(tmp_path / name))
     assert said in message
     assert "\n" not in message
+
+
+PRISM = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1], [0.1, 0, 0.1], [0, 0.1, 0.1]]
+PRISM_FACES = [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]
+
+
+def binary_ply(order):
+    """A prism of three quads and two triangles, with properties and elements of other programs."""
+    kind = {"<": "little", ">": "big"}[order]
+    axes = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx"))
+    head = (
+        f"ply\nformat binary_{kind}_endian 1.0\ncomment made by hand\nelement vertex 6\n{axes}"
+        "property uchar red\nelement face 5\nproperty uchar flags\n"
+        "property list uint8 int32 vertex_indices\nelement edge 1\nproperty int vertex1\n"
+        "end_header\n"
+    )
+    data = b"".join(struct.pack(f"{order}4fB", *point, 1.0, 255) for point in PRISM)
+    for face in PRISM_FACES:
+        data += struct.pack(f"{order}BB{len(face)}i", 7, len(face), *face)
+    return head.encode() + data + struct.pack(f"{order}i", 0)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_faces_of_a_binary_ply_may_have_as_many_corners_as_they_like(order, tmp_path):
+    """trimesh reads those of one length alone, and called the others damaged."""
+    path = tmp_path / "prism.ply"
+    path.write_bytes(binary_ply(order))
+    mesh = load_mesh(path)
+    torch.testing.assert_close(mesh.verts, torch.tensor(PRISM))
+    assert len(mesh.faces) == 8
+    assert is_watertight(mesh)
+    assert volume(mesh) == pytest.approx(0.0005)
+    path.write_bytes(binary_ply(order)[:-30])
+    with pytest.raises(InputError, match="cannot be read as PLY"):
+        load_mesh(path)
 
 
 def test_a_pointer_of_git_lfs_is_no_mesh_without_faces(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trees
+from bad_inputs import good_arrays
 from trees import FRAMES, dump, grab, hoi4d, scene, taco
 
 from geneoh.errors import InputError
@@ -18,6 +19,7 @@ from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.convert import convert, notes_on
 from geneoh.readers.npz_files import load
+from geneoh.readers.object_poses import ObjectPoses
 from geneoh.readers.recordings import find_clips, read_one, source_named
 from geneoh.readers.sources import landmarks
 from geneoh.sequence.sequence import Sequence
@@ -242,6 +244,26 @@ def in_folder(tmp_path):
     """A folder with bare keypoints."""
     np.save(tmp_path / "hand.npy", scene().joints["right"])
     return tmp_path
+
+
+def test_other_poses_of_the_callers_object_are_another_conversion(tmp_path):
+    np.save(tmp_path / "hand.npy", good_arrays()["joints"])
+    frames = len(good_arrays()["joints"])
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    times = np.arange(frames) / 30
+
+    def again(**known):
+        (outcome,) = run(
+            "keypoints",
+            tmp_path / "hand.npy",
+            tmp_path / "out",
+            ReaderOptions(side="right", object_pose=ObjectPoses(poses, **known)),
+        )
+        return outcome.skipped
+
+    assert [again(), again(), again(times=times), again(times=times)] == [False, True, False, True]
+    poses[0, 0, 3] = 0.01
+    assert not again(times=times)
 
 
 def test_a_file_that_another_run_replaced_is_made_again(in_folder):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -9,8 +10,17 @@ from bad_inputs import good_arrays
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.readers.landmark_tables import NAMES
+from geneoh.readers.joint_orders import ORDERS
 
+NAMES = (
+    *("WRIST", "THUMB_CMC", "THUMB_MCP", "THUMB_IP", "THUMB_TIP"),
+    *(
+        f"{finger}_{joint}"
+        for finger in ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
+        for joint in ("MCP", "PIP", "DIP", "TIP")
+    ),
+)
+"""MediaPipe's names of the landmarks, which are in OpenPose's order."""
 FRAMES, SEEN = 5, 4
 HAND = good_arrays()["joints"][0].astype(float)
 POINTS = HAND + np.linspace(0, 0.1, FRAMES)[:, None, None]
@@ -101,6 +111,17 @@ def test_results_in_lines_and_under_frames_are_read(tmp_path):
         np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
         assert "about the centre of each hand" in sequence.source
         assert "30 frames a second assumed" in sequence.source
+
+
+def test_a_line_that_broke_off_is_named(tmp_path):
+    """It was called line 1, and all other lines were good."""
+    lines = [json.dumps(python_task(points)) for points in POINTS]
+    path = tmp_path / "hand.jsonl"
+    path.write_text("\n".join([*lines[:3], lines[3][:200]]))
+    with pytest.raises(InputError, match=r"jsonl, line 4: expected JSON.*\(.*: column 201 "):
+        geneoh.load(path, side="right")
+    path.write_text("\n".join(lines[:3]))
+    assert geneoh.load(path, side="right").frames == 3
 
 
 def test_results_by_the_numbers_of_their_frames_keep_those_that_are_left_out(read):
@@ -278,8 +299,91 @@ def test_tables_are_read_without_a_source(name, read_table):
 def test_a_table_of_more_points_than_21_is_refused(read_table):
     header, rows = TABLES["landmark_0_x"]
     more = [*header, "landmark_21_x"], [[*row, 0.5] for row in rows]
-    with pytest.raises(InputError, match=r"'landmark_21_x'; .*--joint-order"):
+    with pytest.raises(InputError, match=r"number 21; name the order .*--joint-order"):
         read_table(*more, side="right")
+
+
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal", "Tip")
+OPENXR = ["Palm", "Wrist"]
+OPENXR += [f"{f}{s}" for f in FINGERS for s in SEGMENTS if (f, s) != ("Thumb", "Intermediate")]
+IN_CAPITALS = [re.sub(r"(?<!^)(?=[A-Z])", "_", name).upper() for name in OPENXR]
+WEBXR = [re.sub("(Proximal|Interm|Distal)", r"Phalanx\1", name) for name in OPENXR]
+WEBXR = [re.sub(r"(?<!^)(?=[A-Z])", "-", name).lower() for name in WEBXR]
+WEBXR = [re.sub("^(index|middle|ring|little)", r"\1-finger", name) for name in WEBXR]
+OF_XR = np.zeros((FRAMES, 26, 3))
+OF_XR[:, ORDERS["openxr"].entries] = POINTS
+AXES = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+POSES_OF_XR = np.concatenate([OF_XR, np.full((FRAMES, 26, 4), 0.5)], axis=2)
+
+
+def wide_xr(names, columns=OF_XR):
+    return ["time_s", *names], [[t / 30, *columns[t].ravel()] for t in range(FRAMES)]
+
+
+def long_xr(names, skip=0):
+    rows = [
+        [t, "Right", names[point], *POSES_OF_XR[t, point]]
+        for t in range(FRAMES)
+        for point in range(skip, 26)
+    ]
+    return ["frame", "hand", "joint_id", *(f"{a[0]}_{a[1]}" for a in AXES)], rows
+
+
+XR_TABLES = {
+    "snake case": wide_xr([f"right_{n.lower()}_{axis}" for n in IN_CAPITALS for axis in "xyz"]),
+    "camel case": wide_xr([f"Right{n}Pos{axis}" for n in OPENXR for axis in "XYZ"]),
+    "enum": wide_xr([f"XR_HAND_JOINT_{n}_EXT_{a}" for n in IN_CAPITALS for a in AXES], POSES_OF_XR),
+    "long": long_xr(OPENXR),
+    "long of WebXR": long_xr(WEBXR, skip=1),
+    "long by number": long_xr(range(26)),
+    "x0": wide_xr([f"{axis}{point}" for point in range(26) for axis in "xyz"]),
+}
+
+
+@pytest.mark.parametrize("name", XR_TABLES)
+def test_tables_of_headsets_are_read(name, read_table):
+    """They were refused: only the names of MediaPipe and the numbers 0 to 20 were known."""
+    order = "openxr" if name in ("long by number", "x0") else "openpose"
+    (hand,) = read_table(*XR_TABLES[name], side="right", joint_order=order).hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"PIP": "MiddleJoint", "MCP": "Knuckle", "DIP": "DistalJoint"},  # MRTK
+        {"MCP": "1", "PIP": "2", "DIP": "3"},  # OVR
+        {"MCP": "Knuckle", "PIP": "IntermediateBase", "DIP": "IntermediateTip"},  # ARKit
+    ],
+)
+def test_joints_of_a_finger_have_other_names_in_other_programs(names, read_table):
+    header, rows = TABLES["WRIST_x"]
+    for old, new in names.items():
+        header = [re.sub(rf"^(?!THUMB)(\w+)_{old}_", rf"\g<1>{new}_", name) for name in header]
+    (hand,) = read_table(header, rows, side="right").hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
+def test_two_hands_of_one_row_are_told_by_the_names_of_their_columns(read_table):
+    header, rows = XR_TABLES["camel case"]
+    both = [*header, *(name.replace("Right", "Left") for name in header[1:])]
+    rows = [[*row, *(2 * number for number in row[1:])] for row in rows]
+    hands = {hand.side: hand for hand in read_table(both, rows).hands}
+    np.testing.assert_allclose(hands["right"].joints, POINTS, atol=1e-6)
+    np.testing.assert_allclose(hands["left"].joints, 2 * POINTS, atol=1e-6)
+
+
+def test_an_order_of_points_with_names_is_refused(read_table):
+    with pytest.raises(InputError, match="points with names, which say their order; drop it"):
+        read_table(*XR_TABLES["camel case"], side="right", joint_order="openxr")
+    with pytest.raises(InputError, match="all 21 points, got --joint-order aria"):
+        read_table(*XR_TABLES["x0"], side="right", joint_order="aria")
+
+
+def test_an_order_of_points_in_json_is_refused(read):
+    with pytest.raises(InputError, match="got JSON, which says its order; drop it"):
+        read([python_task(points) for points in POINTS], joint_order="openxr")
 
 
 def test_a_table_of_excel_keeps_the_numbers_of_its_frames(tmp_path):
@@ -361,7 +465,7 @@ def test_the_unit_of_a_table_can_be_said(read_table):
     [
         (["a", "b"], [[1, 2]], "x0, y0, z0 to z20 or WRIST_x"),
         (LONG, [["one", 3, 0, 0, 0]], "line 2 must have"),
-        (LONG, [[1, 40, 0, 0, 0]], "line 2 must have"),
+        (LONG, [[1, 40, 0, 0, 0]], "the 21 points of the order openpose, 0 to 20, got number 40"),
         (LONG, [], "expected rows"),
         (LONG, [[0, 0, 0, 0, 0], [9e8, 0, 0, 0, 0]], "expected rows"),
     ],

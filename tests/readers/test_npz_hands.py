@@ -57,6 +57,10 @@ def test_taco_names_hold_pose_and_wrist():
     np.testing.assert_array_equal(hand.betas, BETAS)
 
 
+def test_the_side_of_a_hand_may_be_in_capitals():
+    assert only(read({**TACO, "side": np.array("Left")})).side == "left"
+
+
 def test_smplx_translation_plus_the_models_wrist_is_the_wrist(monkeypatch):
     model = load_hand("right")
     verts = model.template + torch.einsum("vcs,s->vc", model.shape_dirs, torch.from_numpy(BETAS))

@@ -84,7 +84,7 @@ def test_poses_that_act_on_rows_are_refused_with_their_frame(estimated):
 def test_poses_of_another_shape_are_refused(estimated):
     _, path, pose = estimated
     with pytest.raises(geneoh.errors.InputError, match=r"'object_pose' must be .*\(T, 4, 4\)"):
-        geneoh.read("keypoints", path, side="left", object_pose=pose[:, :3])
+        geneoh.read("keypoints", path, side="left", object_pose=pose[:, :2])
 
 
 @pytest.mark.parametrize("camera", ["here", (0, 0), 0.0, (0, 0, None)])
@@ -217,7 +217,7 @@ def test_every_option_of_some_sources_is_taken_by_one_and_named_rightly():
 def test_files_of_the_callers_own_get_a_remedy_that_fits_them(tmp_path):
     np.save(tmp_path / "hand.npy", np.zeros((4, 22, 3)))
     np.save(tmp_path / "joints.npy", np.zeros((4, 21, 3)))
-    np.save(tmp_path / "poses.npy", np.zeros((4, 3, 4)))
+    np.save(tmp_path / "poses.npy", np.zeros((4, 3, 3)))
     path, joints, poses = (tmp_path / f"{name}.npy" for name in ("hand", "joints", "poses"))
     with pytest.raises(geneoh.errors.InputError, match="or name their order with --joint-order"):
         geneoh.load(path, side="right")

@@ -16,6 +16,7 @@ from geneoh.readers.bodies.smpl import OFFSETS, read_smpl
 from geneoh.readers.meshes import find_meshes
 from geneoh.readers.npz_files import with_callers
 from geneoh.readers.npz_objects import read_object
+from geneoh.readers.object_poses import poses_of
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -86,8 +87,8 @@ def object_of_body(
             `object_translation`, and name its meshes, as a geneoh-sequence does.
         frames: of the body, which are those of the object too.
         obj: mesh files, one per rigid part.
-        object_pose: npy of (T, 4, 4) or (T, Q, 4, 4) object to world, or a folder of texts of each
-            frame's matrix, where the file has none.
+        object_pose: poses of the object, object to world, in a file or folder that
+            `geneoh.readers.object_poses.read_poses` reads, where the file has none.
         unit: of the mesh files.
 
     Raises:
@@ -95,10 +96,8 @@ def object_of_body(
     """
     own = path.suffix.lower() == ".npz"
     record = foreign_files.read_record(path) if own else Record(str(path), {})
-    given = None
-    if object_pose is not None:
-        given, _ = foreign_files.read_poses(object_pose)
-    record = with_callers(record, "obj_pose", given)
+    given = poses_of(object_pose, str(path))
+    record = with_callers(record, "obj_pose", given and given.matrices)
     meshes = meshes_of(obj, unit) or find_meshes(record, path.parent)[0]
     motion = read_object(record, meshes, frames)
     if len(motion.rotation) != frames:

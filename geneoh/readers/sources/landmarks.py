@@ -34,17 +34,17 @@ from geneoh.readers.records import Record, as_record, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
 SWAPPED_NOTE = "both hands are bent backward as of the sides that are named: sides are exchanged"
-AS_DESCRIBED = "write it as the page on estimators says"
+AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
 
 
 @reads(
     *("*.json", "*.jsonl", "*.csv"),
     choose=lambda found, path: (f for f in found if f == path or f.name not in JOURNALS),
-    takes=("keypoint_unit", "object_pose"),
+    takes=("joint_order", "keypoint_unit", "object_pose"),
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
-    found = read_landmarks(clip.path, options.side)
+    found = read_landmarks(clip.path, options.side, options.joint_order)
     scale = METRES[options.keypoint_unit or "m"]
     hands = [
         builders.hand_track(side, scale * track.points, track.confidence)
@@ -61,10 +61,18 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     )
 
 
-def read_landmarks(path: Path, side: Side | None) -> Landmarks:
-    """The hands of a file in any of the forms, each with its side; `side` is the caller's."""
+def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmarks:
+    """The hands of a file in any of the forms, each with its side.
+
+    `side` is the caller's, and `order` that of points with numbers in a table.
+    """
     if path.suffix.lower() == ".csv":
-        return with_sides(read_points(path, side), str(path), side)
+        return with_sides(read_points(path, side, order), str(path), side)
+    if order != "openpose":
+        raise InputError(
+            f"{path}: --joint-order is for tables of numbered points (CSV) and for npy, got JSON, "
+            "which says its order; drop it"
+        )
     value = foreign_files.read_json(path)
     found = read_results(value, str(path), side)
     return with_sides(found, str(path), side) if found else own_landmarks(value, str(path))

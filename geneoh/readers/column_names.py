@@ -1,0 +1,110 @@
+"""What names of columns and fields say: a coordinate, the point that it is of, a hand's side.
+
+Programs write one thing in many ways: `WRIST_x`, `LeftIndexTipPosX`, `XR_HAND_JOINT_PALM_EXT_px`,
+`field.pose.position.x`, `q_RS_w []`.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from geneoh.choices import Side
+
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+UNIT = re.compile(r"\s*[\[(](\w*)[^])]*[\])]")
+AXIS = re.compile(r"(p|pos|t|q|r|rot)?([xyzw])")
+"""The last word of a coordinate's name, perhaps with what is measured in front of the axis."""
+OF_PLACES = {"p", "pos", "position", "t", "trans", "translation", "location"}
+OF_TURNS = {"q", "quat", "quaternion", "r", "rot", "rotation", "orientation"}
+SIDE_WORDS: dict[str, Side] = {"left": "left", "l": "left", "lh": "left"}
+SIDE_WORDS |= {"right": "right", "r": "right", "rh": "right"}
+FILLERS = {"xr", "hand", "joint", "ext", "finger", "phalanx", "landmark", "keypoint", "point"}
+FILLERS |= {"bone", "root", "id"}
+"""Words beside the name of a point that say nothing of which it is."""
+FINGERS = {"thumb": 0, "index": 1, "middle": 2, "ring": 3, "little": 4, "pinky": 4}
+SEGMENTS = ("metacarpal", "proximal", "intermediate", "distal", "tip")
+"""OpenXR's points of a finger; the thumb has no intermediate one, and its first is OpenPose's."""
+OTHER_SEGMENTS = {
+    **dict.fromkeys(("mcp", "knuckle", "1"), "proximal"),
+    **dict.fromkeys(("pip", "middle", "intermediatebase", "2"), "intermediate"),
+    **dict.fromkeys(("dip", "intermediatetip", "3"), "distal"),
+    **{"4": "tip", "0": "metacarpal"},
+}
+OTHER_OF_THUMB = {
+    **dict.fromkeys(("cmc", "knuckle", "1"), "metacarpal"),
+    **dict.fromkeys(("mcp", "intermediatebase", "2"), "proximal"),
+    **dict.fromkeys(("ip", "intermediatetip", "3"), "distal"),
+    **{"4": "tip"},
+}
+"""Segments by the names of MediaPipe, MRTK and ARKit, and by the numbers of the OVR skeleton."""
+LEFT_OUT = {"palm", "forearm", "thumb0"}
+"""Points of other skeletons that OpenPose's does not have, besides the palm's bones."""
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a name in small letters: parted by signs, by capitals and before numbers."""
+    return [word.lower() for word in WORD.findall(UNIT.sub("", name))]
+
+
+def plain_name(name: str) -> str:
+    """The last part of a name in small letters, with a unit in brackets behind it: `time_ns`."""
+    unit = UNIT.search(name)
+    name = UNIT.sub("", name).strip().lstrip("#% ").lower().rpartition(".")[2]
+    return f"{name}_{unit[1]}" if unit and unit[1] else name
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One coordinate that a name says."""
+
+    is_turn: bool
+    """Whether it is of an orientation, and not of a place."""
+    axis: str
+    """x, y, z, or w of a quaternion."""
+    of: tuple[str, ...]
+    """The other words: what it is the place of."""
+    is_marked: bool = False
+    """Whether the name says that it is of a place, or of an orientation."""
+
+
+def coordinate_in(name: str) -> Coordinate | None:
+    """The coordinate that a name says, if any; a number may follow the axis, as in `x12`."""
+    *words, last = words_of(name) or [""]
+    if words and words[-1] in ("x", "y", "z") and last.isdecimal():
+        words, last = [*words[:-1], last], words[-1]
+    found = AXIS.fullmatch(last)
+    if found is None:
+        return None
+    mark, axis = found.groups()
+    marks = {mark, *words[-1:], *words[:1]} - {None}
+    # a capital R alone is a side in front, and a frame of reference at the end
+    is_turn = axis == "w" or bool(marks & OF_TURNS - {"r"}) or mark == "r"
+    is_marked = is_turn or bool(marks & OF_PLACES)
+    said = (OF_TURNS - {"r"}) | OF_PLACES
+    return Coordinate(is_turn, axis, tuple(w for w in words if w not in said), is_marked)
+
+
+def side_in(words: Iterable[str]) -> Side | None:
+    """The side that some words say, if any."""
+    return next((SIDE_WORDS[word] for word in words if word in SIDE_WORDS), None)
+
+
+def point_in(words: Iterable[str]) -> int | str | None:
+    """OpenPose's number of a point, "" for a known one that it lacks, None for an unknown name.
+
+    A bare number comes as its digits.
+    """
+    words = [word for word in words if word not in FILLERS and word not in SIDE_WORDS]
+    if len(words) == 1 and words[0].isdecimal():
+        return words[0]
+    text = "".join(words)
+    if text == "wrist" or text in LEFT_OUT:
+        return 0 if text == "wrist" else ""
+    if not words or words[0] not in FINGERS:
+        return None
+    finger, segment = FINGERS[words[0]], "".join(words[1:])
+    segment = (OTHER_SEGMENTS if finger else OTHER_OF_THUMB).get(segment, segment)
+    segments = SEGMENTS[1:] if finger else (*SEGMENTS[:2], *SEGMENTS[3:])
+    if segment in segments:
+        return 1 + 4 * finger + segments.index(segment)
+    return "" if segment in SEGMENTS and finger else None

@@ -1,0 +1,205 @@
+"""The caller's poses of an object, and those of them that belong to the frames of a hand."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from geneoh.choices import Unit
+from geneoh.errors import InputError, numbered
+from geneoh.files.values import read_values
+from geneoh.geometry.mesh import METRES
+from geneoh.readers.clock import EVEN, NEAR, TIME_NAMES, Clock, is_column
+from geneoh.readers.foreign_files import by_frame, number_in, numbered_files, read_numbers
+from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record
+from geneoh.readers.trajectories import in_seconds, is_text, read_trajectory, with_bottom_row
+from geneoh.readers.transforms import refuse_other_matrices
+
+POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4), (4, 4), (3, 4))
+"""Shapes of the object's poses; without frames it is one pose."""
+
+AS_MATRICES = (
+    "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle"
+)
+"""What to do about poses of other shapes."""
+
+IN_A_TEXT = (
+    "write the 16 numbers of a 4x4 matrix with spaces between them; a position and a quaternion "
+    "or axis-angle make one"
+)
+"""What to do about a text that holds no matrix."""
+
+
+@dataclass(frozen=True)
+class ObjectPoses:
+    """Poses of the caller's object, object to the hand's frame, and the frames that they are of."""
+
+    matrices: Array
+    """(T, 4, 4) or (T, Q, 4, 4), NaN where the object was lost."""
+    first: int = 0
+    """Number of the frame of the first of them, 0 where none is said."""
+    times: Array | None = None
+    """(T,) seconds, where they are said."""
+
+    def of_frames(
+        self, frames: int, where: str, clock: Clock | None = None, first: int = 0
+    ) -> tuple[Array, Notes]:
+        """The poses of so many frames of a hand, the first of which has a number, and notes.
+
+        By the times of both, where both say them; else one for each frame, of a whole video's those
+        with the hand's numbers, or a single one for all frames.
+
+        Raises:
+            InputError: times have nothing in common, or there are other poses than frames.
+        """
+        if self.times is not None and clock is not None and clock.is_of_times:
+            return self.at_times(clock.told, where)
+        if len(self.matrices) == frames:
+            about = "the object's poses have times and the hand none: taken one for each frame"
+            return self.matrices, () if self.times is None else (about,)
+        if len(self.matrices) == 1:
+            about = "the object's one pose was taken for all frames, in which it does not move"
+            return np.repeat(self.matrices, frames, axis=0), (about,)
+        rows = first - self.first + np.arange(frames)
+        if clock is not None and not clock.is_of_times:
+            rows = np.rint(clock.told).astype(int) - self.first
+        if (first or rows[-1] >= frames) and rows[0] >= 0 and rows[-1] < len(self.matrices):
+            first, last = rows[[0, -1]] + self.first
+            words = f"of the object's {len(self.matrices)} poses those of frames {first} to {last}"
+            return self.matrices[rows], (words,)
+        raise self._other_number(frames, where, first)
+
+    def _other_number(self, frames: int, where: str, first: int) -> InputError:
+        """The error for another number of poses than of frames."""
+        which = f", which are numbers {first} to {first + frames - 1}," if first else ","
+        got = f"{len(self.matrices)}" + (f" from number {self.first} on" if self.first else "")
+        cure = "cut them to the same frames"
+        if self.times is not None:
+            cure += ", or save the times of the hand's frames, too, as 'timestamps'"
+        return InputError(
+            f"{where}: the object's poses must be one for each of the {frames} frames{which} got "
+            f"{got}; {cure}"
+        )
+
+    def at_times(self, seconds: Array, where: str) -> tuple[Array, Notes]:
+        """The poses at (N,) times, interpolated between near ones, NaN where none is near."""
+        assert self.times is not None
+        parts = self.matrices.reshape(len(self.times), -1, 4, 4)
+        record = Record(where, {}, "correct the object's poses")
+        refuse_other_matrices(record, "object_pose", parts[..., :3, :3])
+        found = [pose_at(seconds, self.times, parts[:, part]) for part in range(parts.shape[1])]
+        poses = np.stack(found, axis=1).reshape(len(seconds), *self.matrices.shape[1:])
+        lost = np.isnan(poses).any(tuple(range(1, poses.ndim)))
+        if lost.all():
+            raise InputError(
+                f"{where}: the object's poses must be of the times of the hand, "
+                f"{seconds[0]:.9g} to {seconds[-1]:.9g} s, got {self.times[0]:.9g} to "
+                f"{self.times[-1]:.9g} s; write both by one clock"
+            )
+        if len(seconds) == len(self.times) and np.allclose(seconds, self.times, 0, 1e-6):
+            return poses, ()
+        words = f"the object's {len(self.times)} poses were brought to the times of the hand"
+        gaps = f", none of them near {numbered(int(lost.sum()), 'frame')}"
+        return poses, (words + gaps * bool(lost.any()),)
+
+
+def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
+    """(N, 4, 4) one part's poses at (N,) times, of (T, 4, 4) at (T,) times that rise."""
+    usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    known = np.isfinite(poses).all((-1, -2))
+    times, poses = times[known], poses[known]
+    result = np.full((len(seconds), 4, 4), np.nan)
+    if not len(times):
+        return result
+    after = np.searchsorted(times, seconds).clip(max=len(times) - 1)
+    before = (np.searchsorted(times, seconds, "right") - 1).clip(min=0)
+    off = np.minimum(np.abs(times[after] - seconds), np.abs(times[before] - seconds))
+    between = (times[before] <= seconds) & (seconds <= times[after])
+    seen = (off <= EVEN * usual) | (between & (times[after] - times[before] <= NEAR * usual))
+    at = seconds[seen].clip(times[0], times[-1])
+    turns = Rotation.from_matrix(poses[:, :3, :3])
+    result[seen, :3, :3] = (Slerp(times, turns)(at) if len(times) > 1 else turns).as_matrix()
+    for axis in range(3):
+        result[seen, axis, 3] = np.interp(at, times, poses[:, axis, 3])
+    result[seen, 3] = [0.0, 0.0, 0.0, 1.0]
+    return result
+
+
+def pose_field(record: Record, name: str, unit: str = "") -> Array:
+    """(T, 4, 4) or (T, Q, 4, 4) poses in a field, which may lack their last row, or the frames."""
+    poses = record.array(name, *POSE_SHAPES, unit=unit, remedy=AS_MATRICES)
+    return with_bottom_row(poses if poses.ndim > 2 else poses[None])
+
+
+def poses_of(
+    given: Path | str | Array | None, where: str, unit: Unit | None = None
+) -> ObjectPoses | None:
+    """The poses that a caller gives as an array or as their place on disk, with lengths in a unit.
+
+    Raises:
+        InputError: they cannot be read, or are no poses; see `read_poses`.
+    """
+    if given is None:
+        return None
+    record = Record(where, {"object_pose": given}, AS_MATRICES)
+    on_disk = isinstance(given, Path | str)
+    poses = read_poses(Path(given)) if on_disk else ObjectPoses(pose_field(record, "object_pose"))
+    if unit is None:
+        return poses
+    matrices = poses.matrices.copy()
+    matrices[..., :3, 3] *= METRES[unit]
+    return replace(poses, matrices=matrices)
+
+
+def read_poses(path: Path) -> ObjectPoses:
+    """The poses in a file, or in a folder with a text of a 4x4 matrix for each frame.
+
+    A file is a npy, an npz with one field of poses, or a trajectory in a table or JSON. Of a folder
+    as FoundationPose writes it, frames whose number is left out are NaN; names that are no numbers
+    of frames are times.
+    """
+    if path.is_dir():
+        return poses_in_folder(path)
+    if is_text(path):
+        return ObjectPoses(*read_trajectory(path))
+    value = read_values(path)
+    fields = value if isinstance(value, dict) else {"array": value}
+    arrays = {name: each for name, each in fields.items() if isinstance(each, Array)}
+    shaped = [name for name, each in arrays.items() if each.shape[-2:] in ((4, 4), (3, 4))]
+    if len(fields) > 1 and len(shaped) != 1:
+        raise InputError(
+            f"{path}: expected one field of (T, 4, 4) poses, got {len(shaped)} in "
+            f"{', '.join(map(str, fields))[:200]}; save them as npy"
+        )
+    poses = pose_field(Record(str(path), fields), (shaped or list(fields))[0])
+    name = next((name for name in TIME_NAMES if is_column(fields.get(name), len(poses))), None)
+    times = None if name is None else in_seconds(path, name, np.asarray(fields[name], float))
+    return ObjectPoses(poses, times=times)
+
+
+def poses_in_folder(folder: Path) -> ObjectPoses:
+    """The poses in the texts of a folder."""
+    files = sorted(folder.glob("*.txt"))
+    if not files:
+        raise InputError(
+            f"{folder}: expected a text of a 4x4 matrix for each frame, such as 000000.txt, got "
+            "none; name the folder ob_in_cam of FoundationPose, or a npy file"
+        )
+    stamps = {file: number_in(file.stem) for file in files}
+    if all(stamp > FRAME_LIMIT for stamp in stamps.values()):
+        files.sort(key=lambda file: stamps[file])
+        times = in_seconds(folder, "timestamp", np.array([stamps[file] for file in files]))
+        return ObjectPoses(np.stack(list(map(read_matrix, files))), times=times)
+    found = numbered_files(folder, "*.txt")
+    first = min(found)
+    poses = {frame - first: read_matrix(file) for frame, file in found.items()}
+    return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first)
+
+
+def read_matrix(path: Path) -> Array:
+    """The 4x4 matrix in a text, in four rows or in one."""
+    values = read_numbers(path, 4, 16, remedy=IN_A_TEXT)
+    if values.size != 16:
+        raise InputError(f"{path}: expected a 4x4 matrix, got {len(values)} rows; write it again")
+    return values.reshape(4, 4)

@@ -1,0 +1,277 @@
+"""Trajectories of one object in tables and JSON, as trackers and robots write them.
+
+A row is a pose, object to the hand's frame: a place and a quaternion in columns or fields with
+names, such as `tx`, `qw`, `pose.position.x` or `q_RS_w []`, or a matrix in row-major order. Without
+names, rows of 8 numbers with spaces between them are those of TUM (time, place, quaternion with its
+real part last), rows of 12 those of KITTI, rows of 16 and blocks of 4 x 4 whole matrices.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geneoh.errors import InputError
+from geneoh.files.reading import head_of, separator_of, unreadable
+from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, UNITS, is_column
+from geneoh.readers.column_names import Coordinate, coordinate_in, plain_name
+from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text
+from geneoh.readers.records import FRAME_LIMIT, Array
+from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
+
+PICKLES = (".pkl", ".pickle", ".p")
+"""Endings of files that may begin as a text does, and are none."""
+
+TUM: list[str] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
+"""The columns of a trajectory of TUM, which has no heading."""
+TO_NAME = (
+    "name the columns in a heading, such as timestamp,x,y,z,qx,qy,qz,qw, or save (T, 4, 4) "
+    "matrices with numpy.save"
+)
+"""What to do about a table that does not say what its columns are."""
+
+LENGTH = 0.05
+"""Largest difference of a quaternion's length from 1: less are digits that were left out."""
+
+FAST = 2000.0
+"""Poses a second at most, and a thousandth of it at least, by which the unit of times is told."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of numbers, NaN for what is none, and the names of the columns, if they have any."""
+
+    path: Path
+    names: list[str]
+    rows: Array
+
+    def refuse(self, expected: str, got: str, remedy: str = TO_NAME) -> InputError:
+        """The error for a table that is not what it should be."""
+        return InputError(f"{self.path}: expected {expected}, got {got}; {remedy}")
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file is a text, by how it begins."""
+    try:
+        head = head_of(path)
+    except OSError as error:
+        raise unreadable(path, error) from None
+    binary = set(head) - set(range(32, 256)) - set(b"\t\r\n")
+    return bool(head) and not binary and path.suffix.lower() not in PICKLES
+
+
+def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
+    """(T, 4, 4) poses in a table or in JSON, NaN for none.
+
+    Also the number of the first frame, 0 where frames have none, and (T,) times in seconds, None
+    where it says none.
+    """
+    is_json = head_of(path).lstrip()[:1] in (b"{", b"[")
+    found = table_in_json(read_json(path), path) if is_json else table_in_text(path)
+    poses = poses_in(found)
+    if not np.isfinite(poses).all((-1, -2)).any():
+        raise found.refuse("poses in numbers", f"none in {len(poses)} rows")
+    numbers = column_called(found, FRAME_NAMES)
+    times = column_called(found, TIME_NAMES)
+    seconds = None if times is None else in_seconds(path, *times)
+    if numbers is None:
+        return poses, 0, seconds
+    refuse_fall(path, *numbers)
+    at = numbers[1]
+    if (at != np.rint(at)).any() or at[-1] - at[0] >= FRAME_LIMIT:
+        raise found.refuse("whole numbers of frames", f"{at[0]:g} to {at[-1]:g}")
+    first = int(at[0])
+    every = np.arange(int(at[-1]) + 1 - first)
+    numbered = dict(zip((at - first).astype(int).tolist(), poses, strict=True))
+    seconds = None if seconds is None else np.interp(every, at - first, seconds)
+    return by_frame(numbered, len(every), 4, 4), first, seconds
+
+
+def table_in_text(path: Path) -> Table:
+    """The rows of a text; lines of words in front of them may name the columns."""
+    lines = [line.strip() for line in read_text(path).lstrip("\ufeff").splitlines()]
+    lines = [line for line in lines if line]
+    start = next((at for at, line in enumerate(lines) if is_of_numbers(line)), len(lines))
+    data = [line for line in lines[start:] if line[0] not in "#%"]
+    if not data:
+        raise InputError(
+            f"{path}: expected rows of numbers, got {len(lines)} lines that begin with none; check "
+            f"the path, or {TO_NAME}"
+        )
+    separator = separator_of(lines[max(start - 1, 0)])
+    separator = separator if separator in data[0] else None
+    rows = [cells_of(line, separator) for line in data]
+    heads = [cells_of(line.lstrip("#% "), separator, ",") for line in lines[:start]]
+    names = next((head for head in reversed(heads) if any(map(is_told, head))), [])
+    widths = {len(row) for row in rows}
+    if len(widths) > 1 or (names and {len(names)} != widths):
+        got = f"{len(names)} names and " if names else ""
+        raise InputError(
+            f"{path}: expected rows that are as long as each other and as their heading, got "
+            f"{got}rows of {sorted(widths)[:4]} cells; correct the table"
+        )
+    if not names and separator is None and widths == {len(TUM)}:
+        names = TUM
+    return Table(path, names, np.array([[number_in(cell) for cell in row] for row in rows]))
+
+
+def is_told(name: str) -> bool:
+    """Whether the name of a column says a coordinate, a time or the number of a frame."""
+    return coordinate_in(name) is not None or plain_name(name) in CLOCK_NAMES
+
+
+def is_of_numbers(line: str) -> bool:
+    """Whether a line begins with a number."""
+    return re.match(r"[-+]?\.?\d|nan\b", line, re.IGNORECASE) is not None
+
+
+def cells_of(line: str, separator: str | None, comma: str = ".") -> list[str]:
+    """The cells of a line, with decimal points where commas do not separate them."""
+    cells = line.split(separator)
+    return [(cell if separator == "," else cell.replace(",", comma)).strip(' "') for cell in cells]
+
+
+def table_in_json(value: Any, path: Path) -> Table:
+    """The rows of a JSON value: poses in a list, which may be named, or by numbers of frames."""
+    beside: dict[str, Any] = {}
+    if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
+        items = sorted((int(number), each) for number, each in value.items())
+        name = "frame" if items[-1][0] < FRAME_LIMIT else "timestamp"
+        beside, value = {name: [number for number, _ in items]}, [each for _, each in items]
+    elif isinstance(value, dict):
+        lists = {name: each for name, each in value.items() if isinstance(each, list) and each}
+        value = next((each for each in lists.values() if isinstance(each[0], dict | list)), [])
+        beside = {name: each for name, each in lists.items() if is_column(each, len(value))}
+        beside = {name: each for name, each in beside.items() if name in CLOCK_NAMES}
+    if not isinstance(value, list) or not value:
+        raise InputError(f"{path}: expected a list of poses, got none; {TO_NAME}")
+    rows = [dict(flat_fields(each, path)) for each in value]
+    for name, numbers in beside.items():
+        rows = [{**row, name: n} for row, n in zip(rows, numbers, strict=True)]
+    names = list(dict.fromkeys(chain.from_iterable(rows)))
+    return Table(path, names, np.array([[row.get(n, np.nan) for n in names] for row in rows]))
+
+
+def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, float]]:
+    """The numbers of a value by the way to them, such as `pose.position.x`.
+
+    Lists of three are x, y and z; those of four say in their name whether the real part is first.
+    """
+    if isinstance(value, dict):
+        for key, each in value.items():
+            yield from flat_fields(each, path, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list):
+        flat = np.array(value, dtype=object).ravel().tolist()
+        order = next((order for order in ("xyzw", "wxyz") if order in name.lower()), None)
+        axes = order if len(flat) == 4 else "xyz" if len(flat) == 3 else None
+        if len(flat) == 4 and axes is None:
+            raise InputError(
+                f"{path}: '{name}' must say the order of its four numbers, got none; call it "
+                f"{name}_xyzw or {name}_wxyz"
+            )
+        for at, each in enumerate(flat):
+            yield f"{name}.{axes[at]}" if axes else f"{name}[{at}]", number_in(str(each))
+    elif not np.isnan(number := number_in(str(value))):
+        yield name, number
+
+
+def poses_in(table: Table) -> Array:
+    """(T, 4, 4) poses of the rows."""
+    if table.names:
+        return named_poses(table)
+    rows, width = table.rows, table.rows.shape[1]
+    if width == 4 and len(rows) % 4 == 0:
+        return rows.reshape(-1, 4, 4)
+    if width in (12, 16):
+        return with_bottom_row(rows.reshape(len(rows), -1, 4))
+    raise table.refuse(
+        "columns with names, or rows of 16 or 12 numbers of a matrix, or those of TUM, which "
+        "spaces part",
+        f"rows of {width} numbers without names",
+    )
+
+
+def with_bottom_row(matrices: Array) -> Array:
+    """(..., 4, 4) of (..., 3, 4) matrices; those of four rows stay."""
+    if matrices.shape[-2] == 4:
+        return matrices
+    bottom = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*matrices.shape[:-2], 1, 4))
+    return np.concatenate([matrices, bottom], axis=-2)
+
+
+def named_poses(table: Table) -> Array:
+    """(T, 4, 4) poses by the names of the columns: place and quaternion, or a matrix."""
+    said = {name: found for name in table.names if (found := coordinate_in(name))}
+    turn = columns_of({name: at for name, at in said.items() if at.is_turn}, "xyzw")
+    places = {name: at for name, at in said.items() if not at.is_turn}
+    marked = columns_of({name: at for name, at in places.items() if at.is_marked}, "xyz")
+    place = marked or columns_of({name: at for name, at in places.items() if not at.of}, "xyz")
+    if turn and place:
+        rows = table.rows[:, [table.names.index(name) for name in (*turn, *place)]]
+        length = np.linalg.norm(rows[:, :4], axis=1)
+        if (wrong := (length > 0) & (np.abs(length - 1) > LENGTH)).any():
+            first = int(np.flatnonzero(wrong)[0])
+            raise table.refuse(
+                "quaternions of length 1", f"one of length {length[first]:.3g} in row {first}"
+            )
+        return rigid_of_xyzw(rows)
+    matrices = [found for found in numbers_of_lists(table) if len(found) in (12, 16)]
+    turns = [found for found in numbers_of_lists(table) if len(found) == 9]
+    if len(matrices) == 1:
+        return with_bottom_row(table.rows[:, matrices[0]].reshape(len(table.rows), -1, 4))
+    if place and len(turns) == 1:
+        at = [table.names.index(name) for name in place]
+        return rigid_matrices(table.rows[:, turns[0]].reshape(-1, 3, 3), table.rows[:, at])
+    raise table.refuse(
+        "columns of one object's place (x, y, z) and quaternion (qx, qy, qz, qw), each once",
+        f"{', '.join(table.names)[:200]}",
+    )
+
+
+def numbers_of_lists(table: Table) -> list[list[int]]:
+    """The columns of each list of numbers, and together those that name no coordinate or time."""
+    found: dict[str, list[int]] = {}
+    for at, name in enumerate(table.names):
+        label = name.partition("[")[0] if name.endswith("]") else ""
+        if label or not is_told(name):
+            found.setdefault(label, []).append(at)
+    return list(found.values())
+
+
+def columns_of(said: dict[str, Coordinate], axes: str) -> list[str]:
+    """The names of the columns of some axes in order; none where one is missing or there twice."""
+    by_axis = {axis: [name for name, at in said.items() if at.axis == axis] for axis in axes}
+    names = [name for found in by_axis.values() for name in found]
+    return names if all(len(found) == 1 for found in by_axis.values()) else []
+
+
+def column_called(table: Table, names: Iterable[str]) -> tuple[str, Array] | None:
+    """The first of some names that a column has, and its numbers, if all are finite."""
+    called = {plain_name(name): at for at, name in reversed(list(enumerate(table.names)))}
+    found = ((name, table.rows[:, called[name]]) for name in names if name in called)
+    return next((each for each in found if np.isfinite(each[1]).all()), None)
+
+
+def in_seconds(path: Path, name: str, values: Array) -> Array:
+    """(T,) times in seconds, in the unit that their name says, else by their steps."""
+    refuse_fall(path, name, values)
+    unit = TIME_NAMES[name]
+    if unit is None and len(values) > 1:
+        usual = float(np.median(np.diff(values)))
+        rates = ((unit, 1 / (usual * unit)) for unit in UNITS.values())
+        unit = next((unit for unit, rate in rates if FAST / 1000 <= rate < FAST), None)
+    return values * (unit or 1.0)
+
+
+def refuse_fall(path: Path, name: str, values: Array) -> None:
+    """Refuse times or numbers of frames that do not rise."""
+    if len(wrong := np.flatnonzero(np.diff(values) <= 0)):
+        before, after = (f"{value:.15g}" for value in values[wrong[0] : wrong[0] + 2])
+        raise InputError(
+            f"{path}: '{name}' must rise from pose to pose, got {after} after {before}; give the "
+            "poses of one object, in order and each frame once"
+        )

@@ -1,0 +1,262 @@
+"""The caller's poses of the object: folders of matrices, trajectories, and times of their own."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import geneoh
+from geneoh.errors import InputError
+from geneoh.readers.object_poses import ObjectPoses, read_poses
+
+FRAMES = 12
+TURNS = Rotation.from_rotvec(np.linspace([0.1, 0.2, 0.3], [0.5, 0.1, 0.9], FRAMES))
+PLACES = np.linspace([0.0, 0.1, 0.5], [0.2, 0.1, 0.4], FRAMES)
+POSES = np.tile(np.eye(4), (FRAMES, 1, 1))
+POSES[:, :3, :3], POSES[:, :3, 3] = TURNS.as_matrix(), PLACES
+XYZW, WXYZ = TURNS.as_quat(), TURNS.as_quat(scalar_first=True)
+TIMES = 1.7e9 + np.arange(FRAMES) / 30
+
+
+def table(heading, *columns, comma=","):
+    rows = np.column_stack(columns).tolist()
+    lines = [comma.join(f"{number:.17g}" for number in row) for row in rows]
+    return "\n".join([heading, *lines] if heading else lines) + "\n"
+
+
+def places_and_turns(**more):
+    return [
+        {**more, "position": dict(zip("xyz", place, strict=True)), "quaternion_wxyz": turn}
+        for place, turn in zip(PLACES.tolist(), WXYZ.tolist(), strict=True)
+    ]
+
+
+EUROC = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],"
+EUROC += "q_RS_z [],v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1]"
+ROS = "%time,field.header.frame_id,field.pose.position.x,field.pose.position.y,"
+ROS += "field.pose.position.z,field.pose.orientation.x,field.pose.orientation.y,"
+ROS += "field.pose.orientation.z,field.pose.orientation.w"
+MATRIX = ",".join(f"m{row}{column}" for row in range(3) for column in range(4))
+TRAJECTORIES = {
+    "tum": table("", TIMES, PLACES, XYZW, comma=" "),
+    "tum with names": table("# timestamp tx ty tz qx qy qz qw", TIMES, PLACES, XYZW, comma=" "),
+    "kitti": table("", POSES[:, :3].reshape(-1, 12), comma=" "),
+    "16 numbers": table("", POSES.reshape(-1, 16)),
+    "blocks": "\n".join(table("", pose, comma=" ") for pose in POSES),
+    "euroc": table(EUROC, TIMES * 1e9, PLACES, WXYZ, PLACES),
+    "ros": table(ROS, TIMES * 1e9, TIMES * np.nan, PLACES, XYZW),
+    "xyzw": table("frame;x;y;z;qx;qy;qz;qw", np.arange(FRAMES), PLACES, XYZW, comma=";"),
+    "wxyz": table("qw,qx,qy,qz,tx,ty,tz", WXYZ, PLACES),
+    "named matrix": table(f"time,{MATRIX}", TIMES, POSES[:, :3].reshape(-1, 12)),
+    "decimal commas": table("x;y;z;qx;qy;qz;qw", PLACES, XYZW, comma=";").replace(".", ","),
+    "json matrices": json.dumps(POSES.tolist()),
+    "json by frame": json.dumps({str(frame): POSES[frame].tolist() for frame in range(FRAMES)}),
+    "json fields": json.dumps({"frames": places_and_turns(score=0.5, name="mug")}),
+    "json rotation": json.dumps(
+        [{"R": pose[:3, :3].tolist(), "t": pose[:3, 3].tolist()} for pose in POSES]
+    ),
+    "json with times": json.dumps({"timestamps": TIMES.tolist(), "poses": POSES.tolist()}),
+}
+
+
+@pytest.mark.parametrize("name", TRAJECTORIES)
+def test_a_trajectory_is_read_as_other_programs_write_it(tmp_path, name):
+    """All of them were refused: poses had to be saved as npy."""
+    (tmp_path / "poses").write_text(TRAJECTORIES[name])
+    found = read_poses(tmp_path / "poses")
+    np.testing.assert_allclose(found.matrices, POSES, atol=1e-6)
+    timed = name.startswith(("tum", "euroc", "ros", "named", "json with"))
+    assert (found.times is not None) == timed
+    if timed:
+        np.testing.assert_allclose(found.times, TIMES, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (table("", PLACES, XYZW), "rows of 7 numbers without names; name the columns"),
+        (table("", TIMES, PLACES, XYZW), "rows of 8 numbers without names; name the columns"),
+        (table("x,y,z,rx,ry,rz", PLACES, PLACES), "quaternion (qx, qy, qz, qw), each once"),
+        (table("x,y,z,qx,qy,qz,qw", PLACES, 2 * XYZW), "quaternions of length 1, got one of"),
+        (table("frame,x,y,z,qx,qy,qz,qw", TIMES * 0, PLACES, XYZW), "'frame' must rise"),
+        (table("time,x,y,z,qx,qy,qz,qw", -TIMES, PLACES, XYZW), "'time' must rise"),
+        ("x,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n1,2\n", "as long as each other"),
+        ("position: [1, 2, 3]\n", "expected rows of numbers"),
+        (json.dumps([{"p": [1, 2, 3], "q": [0, 0, 0, 1]}]), "call it q_xyzw or q_wxyz"),
+        (json.dumps({"fps": 30}), "expected a list of poses"),
+        ("x,y,z,qx,qy,qz,qw\n1,2,3,,,,\n", "expected poses in numbers, got none"),
+    ],
+)
+def test_a_table_that_leaves_its_meaning_open_is_refused(tmp_path, text, words):
+    (tmp_path / "poses.csv").write_text(text)
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_poses(tmp_path / "poses.csv")
+
+
+def test_frames_that_a_table_leaves_out_are_frames_without_a_pose(tmp_path):
+    kept = [2, 3, 5]
+    text = table("frame,time,x,y,z,qx,qy,qz,qw", kept, TIMES[kept], PLACES[kept], XYZW[kept])
+    (tmp_path / "poses.csv").write_text(text)
+    found = read_poses(tmp_path / "poses.csv")
+    assert found.first == 2
+    assert np.isfinite(found.matrices).all((1, 2)).tolist() == [True, True, False, True]
+    np.testing.assert_allclose(found.times, TIMES[2:6], atol=1e-5)
+
+
+def test_the_one_field_of_poses_of_an_npz_is_read_with_its_times(tmp_path):
+    np.savez(tmp_path / "poses.npz", timestamps=TIMES, ob_in_cam=POSES[:, :3], score=TIMES)
+    found = read_poses(tmp_path / "poses.npz")
+    np.testing.assert_allclose(found.matrices, POSES)
+    np.testing.assert_allclose(found.times, TIMES)
+    np.savez(tmp_path / "poses.npz", a=POSES, b=POSES)
+    with pytest.raises(InputError, match=r"one field of \(T, 4, 4\) poses, got 2 in a, b"):
+        read_poses(tmp_path / "poses.npz")
+
+
+def poses_at(seconds):
+    """The motion of POSES at some times."""
+    found = np.tile(np.eye(4), (len(seconds), 1, 1))
+    place = np.stack([np.interp(seconds, TIMES, PLACES[:, axis]) for axis in range(3)], axis=1)
+    turns = np.stack([np.interp(seconds, TIMES, TURNS.as_rotvec()[:, k]) for k in range(3)], axis=1)
+    found[:, :3, :3], found[:, :3, 3] = Rotation.from_rotvec(turns).as_matrix(), place
+    return found
+
+
+@pytest.mark.parametrize("fps", [10, 60, 90])
+def test_poses_of_another_rate_are_brought_to_the_times_of_the_hand(fps):
+    """There had to be as many poses as frames, and they were taken one after the other."""
+    times = np.arange(TIMES[0], TIMES[-1] + 1e-6, 1 / fps)
+    poses, notes = ObjectPoses(poses_at(times), times=times).at_times(TIMES + 0.004, "a.npz")
+    known = np.isfinite(poses).all((1, 2))
+    assert known.sum() >= FRAMES - 2
+    np.testing.assert_allclose(poses[known], poses_at(TIMES + 0.004)[known], atol=1e-2)
+    assert f"the object's {len(times)} poses were brought to the times" in notes[0]
+
+
+def test_times_between_which_the_object_was_lost_have_no_pose():
+    kept = [0, 1, 2, 3, 8, 9, 10, 11]
+    poses, (note,) = ObjectPoses(POSES[kept], times=TIMES[kept]).at_times(TIMES, "a.npz")
+    known = np.isfinite(poses).all((1, 2))
+    assert np.flatnonzero(known).tolist() == kept
+    assert "none of them near 4 frames" in note
+    np.testing.assert_allclose(poses[kept], POSES[kept], atol=1e-9)
+
+
+def test_times_of_another_clock_are_refused():
+    with pytest.raises(InputError, match=r"a\.npz: .* 0 to 0\.36\d* s, got 1\.7e\+09 .* one clock"):
+        ObjectPoses(POSES, times=TIMES).at_times(np.arange(FRAMES).round() / 30, "a.npz")
+
+
+def hand_of(folder, times, **fields):
+    """A npz of a hand that moves with the object's place, one frame at each time."""
+    from bad_inputs import good_arrays
+
+    hand = good_arrays()["joints"][0].astype(float)
+    place = np.stack([np.interp(times, TIMES, PLACES[:, axis]) for axis in range(3)], axis=1)
+    np.savez(folder / "hand.npz", joints=hand + place[:, None], side="right", **fields)
+    return folder / "hand.npz"
+
+
+@pytest.mark.parametrize("source", [None, "keypoints"])
+def test_a_hand_and_an_object_with_times_need_no_equal_frames(tmp_path, source):
+    seconds = TIMES[[0, 1, 2, 5, 6, 7, 8, 9]]
+    path = hand_of(tmp_path, seconds, timestamps=seconds)
+    (tmp_path / "obj.tum").write_text(TRAJECTORIES["tum"])
+    how = {"object_pose": tmp_path / "obj.tum"}
+    found = geneoh.load(path, **how) if source is None else geneoh.read(source, path, **how)
+    assert found.frames == 10
+    assert found.hands[0].valid.tolist() == [True] * 3 + [False] * 2 + [True] * 5
+    seen = [0, 1, 2, 5, 6, 7, 8, 9]
+    np.testing.assert_allclose(found.object.translation[seen, 0], PLACES[seen], atol=1e-6)
+    np.testing.assert_allclose(found.object.rotation[seen, 0], POSES[seen, :3, :3], atol=1e-6)
+
+
+def test_poses_with_times_beside_a_hand_without_are_one_for_each_frame(tmp_path):
+    (tmp_path / "obj.tum").write_text(TRAJECTORIES["tum"])
+    path = hand_of(tmp_path, TIMES, fps=30.0)
+    found = geneoh.load(path, object_pose=tmp_path / "obj.tum")
+    assert "the object's poses have times and the hand none: taken one for each" in found.source
+    path = hand_of(tmp_path, TIMES[:7], fps=30.0)
+    with pytest.raises(InputError, match="save the times of the hand's frames, too, as 'timest"):
+        geneoh.load(path, object_pose=tmp_path / "obj.tum")
+
+
+def test_poses_of_a_whole_video_are_those_of_the_hands_numbered_frames(tmp_path):
+    path = hand_of(tmp_path, TIMES[[2, 3, 5]], fps=30.0, frame_ids=[2, 3, 5])
+    found = geneoh.load(path, object_pose=POSES)
+    np.testing.assert_allclose(found.object.translation[[0, 1, 3], 0], PLACES[[2, 3, 5]], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["pose.npy", "pose.txt", "pose.json"])
+def test_an_object_that_does_not_move_has_one_pose(tmp_path, name):
+    """It was refused with the advice to cut the hand to one frame."""
+    text = json.dumps([POSES[0].tolist()]) if "json" in name else table("", POSES[0], comma=" ")
+    (tmp_path / name).write_text(text)
+    if name == "pose.npy":
+        np.save(tmp_path / name, POSES[0])
+    found = geneoh.load(hand_of(tmp_path, TIMES, fps=30.0), object_pose=tmp_path / name)
+    np.testing.assert_allclose(found.object.rotation[:, 0], POSES[[0] * FRAMES, :3, :3], atol=1e-6)
+    assert "one pose was taken for all frames, in which it does not move" in found.source
+
+
+def test_poses_in_millimetres_are_scaled_once(tmp_path):
+    path = hand_of(tmp_path, TIMES, timestamps=TIMES)
+    (tmp_path / "obj.csv").write_text(table("time,x,y,z,qx,qy,qz,qw", TIMES, 1000 * PLACES, XYZW))
+    values = dict(np.load(path))
+    np.savez(path, **{**values, "joints": 1000 * values["joints"]})
+    for read in (geneoh.load, lambda *given, **how: geneoh.read("keypoints", *given, **how)):
+        found = read(path, object_pose=tmp_path / "obj.csv", keypoint_unit="mm")
+        np.testing.assert_allclose(found.object.translation[:, 0], PLACES, atol=1e-6)
+
+
+def pose(number: int) -> np.ndarray:
+    """A pose that tells the number of its frame."""
+    found = np.eye(4)
+    found[0, 3] = number
+    return found
+
+
+def test_texts_of_a_folder_are_frames_in_the_order_of_their_numbers(tmp_path):
+    for number in (2, 10, 3, 5):
+        np.savetxt(tmp_path / f"{number}.txt", pose(number).reshape(1 if number == 3 else 4, -1))
+    given = read_poses(tmp_path)
+    poses, first = given.matrices, given.first
+    assert first == 2
+    assert poses.shape == (9, 4, 4)
+    known = np.isfinite(poses).all((1, 2))
+    assert np.flatnonzero(known).tolist() == [0, 1, 3, 8]
+    assert poses[known, 0, 3].tolist() == [2, 3, 5, 10]
+
+
+def test_texts_that_are_named_by_times_come_one_after_the_other(tmp_path):
+    for number, time in enumerate((1581120424100262102, 1581120424148532296, 9581120424)):
+        np.savetxt(tmp_path / f"{time}.txt", pose(number))
+    given = read_poses(tmp_path)
+    poses, first = given.matrices, given.first
+    assert (poses[:, 0, 3].tolist(), first) == ([2, 0, 1], 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("0.npy", "", ": expected a text of a 4x4 matrix for each frame, such as 000000.txt"),
+        ("notes.txt", "1 2 3", "notes.txt: expected a frame's number as the name"),
+        ("0.txt", "1 2 3", "0.txt: expected rows of 4 or 16 numbers"),
+        ("0.txt", "1 0 0 0\n" * 3, "0.txt: expected a 4x4 matrix, got 3 rows"),
+    ],
+)
+def test_a_folder_of_other_files_is_refused_by_its_file(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_poses(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text", ["0\n0\n0.5\n0\n0\n0\n1\n", "1,0,0,0\n0,1,0,0\n0,0,1,0\n0,0,0,1\n"]
+)
+def test_texts_of_other_numbers_are_not_called_damaged(tmp_path, text):
+    (tmp_path / "0.txt").write_text(text)
+    with pytest.raises(InputError, match="write the 16 numbers of a 4x4 matrix with spaces"):
+        read_poses(tmp_path)
