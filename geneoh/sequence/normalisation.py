@@ -9,7 +9,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.model import HandModel
-from geneoh.sequence.resample import at_rate, averaged, nearest_frames, over_frames
+from geneoh.sequence.resample import at_rate, averaged, hand_over_frames, nearest_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 NETWORK_FPS = 30.0
@@ -44,8 +44,7 @@ class NormalisedHand(Bundle):
 
     def track_to_user(self, track: HandTrack) -> HandTrack:
         """A result on the side and in the frames of the sequence."""
-        paced = Sequence((track,), self.object, self.fps)
-        (back,) = over_frames(paced, self.user_frames).hands
+        back = hand_over_frames(track, self.user_frames)
         return back.mirrored() if self.mirrored else back
 
     def points_to_user(self, points: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3"]:

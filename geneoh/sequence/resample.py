@@ -14,7 +14,7 @@ from geneoh.geometry.rotations import (
     nearest_rotations,
 )
 from geneoh.sequence.gaps import FrameInterpolation, blendable, with_frames
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 MOST_FRAMES = 108_000
 """Frames that resampling makes at most: an hour at 30 frames a second."""
@@ -77,6 +77,52 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
     between = evenly(sequence.frames, frames, sequence.object.rotation.device)
     fps = round(sequence.fps * (frames - 1) / (sequence.frames - 1), FPS_DIGITS)
     return replace(_interpolated(sequence, between), fps=fps)
+
+
+def hand_over_frames(hand: HandTrack, frames: int) -> HandTrack:
+    """A clean hand over the same time in another number of frames, two or more on both sides.
+
+    It moves on curves through the old frames, because straight lines between them have a corner at
+    each, which is seen at 60 frames a second or more. What is no place or rotation is interpolated
+    linearly; `valid` is as in `over_frames`.
+    """
+    if frames == hand.frames:
+        return hand
+    between = evenly(hand.frames, frames, hand.valid.device)
+    valid = without_short_gaps(hand.valid, between)[between.nearest]
+    filled = blendable(hand)
+    curved = CurvedInterpolation(**vars(between)).hand(filled, valid)
+    straight = between.hand(filled, valid)
+    return replace(straight, pose=curved.pose, wrist=curved.wrist, joints=curved.joints)
+
+
+@dataclass(frozen=True)
+class CurvedInterpolation(FrameInterpolation):
+    """Instants of a track of two or more frames, on cubic curves whose velocity at each frame is
+    that between its neighbours (Catmull-Rom)."""
+
+    def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
+        """Values of each frame, interpolated; the first and the last step go on beyond the ends."""
+        first, last = 2 * values[:1] - values[1:2], 2 * values[-1:] - values[-2:-1]
+        wide = torch.cat([first, values, last])
+        f = self.fraction.to(values).reshape(-1, *[1] * (values.ndim - 1))
+        weights = (
+            f * (f * (2 - f) - 1) / 2,
+            (f * f * (3 * f - 5) + 2) / 2,
+            f * (f * (4 - 3 * f) + 1) / 2,
+            f * f * (f - 1) / 2,
+        )
+        # the last frame has no second one behind it, and the weight of that is zero
+        around = [(self.before + step).clamp(max=len(wide) - 1) for step in range(4)]
+        total = torch.zeros_like(wide[around[0]])
+        for weight, frame in zip(weights, around, strict=True):
+            total += weight * wide[frame]
+        return total
+
+    def rotations(self, rotation: Float[Tensor, "T K 3 3"]) -> Float[Tensor, "N K 3 3"]:
+        """The rotations that are nearest to interpolated matrices."""
+        exact = (self.fraction == 0)[:, None, None, None]
+        return torch.where(exact, rotation[self.before], nearest_rotations(self.points(rotation)))
 
 
 def at_times(sequence: Sequence, time: Float[Tensor, " N"]) -> Sequence:

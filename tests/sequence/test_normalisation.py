@@ -70,3 +70,29 @@ def test_flags_go_to_the_nearest_frames():
     assert set(back.nonzero().flatten().tolist()) <= {0, 1, 19, 20, 21}
     assert bool(back[20])
     assert bool(back[0])
+
+
+@pytest.mark.parametrize("fps", [24.0, 60.0, 120.0])
+def test_a_result_has_no_corners_at_the_frames_of_the_networks(fps):
+    """Straight lines between them accelerate in those frames alone, four times as much at 120."""
+    count = round(2 * fps) + 1
+    given = replace(sequence(fps), object=ObjectTrack.resting((), count))
+    track = swinging(torch.linspace(0, 2, count))
+    (hand,) = normalised_hands(replace(given, hands=(track,)))
+    back = hand.track_to_user(swinging(torch.linspace(0, 2, hand.track.frames)))
+    for name, tolerance in (("wrist", 5e-5), ("joints", 5e-5), ("pose", 5e-4)):
+        came, went = getattr(back, name), getattr(track, name)
+        torch.testing.assert_close(came, went, atol=tolerance, rtol=0)
+        bent = came[2:] - 2 * came[1:-1] + came[:-2]
+        most = (went[2:] - 2 * went[1:-1] + went[:-2]).abs().max()
+        assert bent.abs().max() < 1.3 * most
+
+
+def swinging(seconds: torch.Tensor) -> HandTrack:
+    """A hand that swings and turns once a second."""
+    phase = torch.sin(2 * torch.pi * seconds)
+    wrist = phase[:, None] * torch.tensor([0.03, 0.0, 0.04])
+    pose = phase[:, None, None] * torch.full((16, 3), 0.3)
+    joints = wrist[:, None] + torch.arange(21.0)[:, None] * torch.tensor([0.005, 0.003, -0.002])
+    valid = torch.ones(len(seconds), dtype=torch.bool)
+    return HandTrack("right", valid, joints=joints, pose=pose, wrist=wrist, betas=torch.zeros(10))
