@@ -16,7 +16,6 @@ from geneoh.choices import SIDES
 from geneoh.evaluation.generation.measures import PosedActions, mean_hands, posed_actions
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.oriented_points import signed_to_points
-from geneoh.metrics.report import measure_frames
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import read_actions
@@ -86,10 +85,9 @@ def posed_track(clip: Actions, posed: PosedActions, side: int) -> PosedTrack:
     distance, _ = signed_to_points(skin, surface.points[0], surface.normals[0], within=WITHIN)
     distance = distance.clamp(max=WITHIN)
     there = torch.ones(len(skin), dtype=torch.bool)
-    measures = measure_frames(distance, skin, joints, FPS, there)
     parameters = (clip.pose[0, side], clip.wrist[0, side], torch.zeros(10))
     model = mean_hands()[side].model
-    return PosedTrack(SIDES[side], model, *parameters, skin, joints, distance, measures)
+    return PosedTrack(SIDES[side], model, *parameters, skin, joints, there, FPS, lambda _: distance)
 
 
 def plates(points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]) -> Mesh:

@@ -88,7 +88,7 @@ def page_html(scene: Scene, look: Look = DEFAULT_LOOK) -> str:
         "VIEWER": _asset("viewer.js"),
         # "<" must not stand in a script: file names may hold anything
         "SCENE": json.dumps(described, allow_nan=False).replace("<", "\\u003c"),
-        "DATA": base64.b64encode(zlib.compress(packed.data, 9)).decode(),
+        "DATA": base64.b64encode(zlib.compress(packed.data, 6)).decode(),
     }
     # one pass, so that nothing which was filled in is taken for a placeholder
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda gap: filled[gap[1]], _asset("page.html"))

@@ -1,5 +1,6 @@
 """What there is to see in one interaction: posed hands, the object, and their measures."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +10,6 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.bundle import Bundle
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.fitting.subject import subject_of
@@ -46,8 +46,8 @@ class DrawnSurface:
 
 
 @dataclass(frozen=True)
-class PosedTrack(Bundle):
-    """One hand as a mesh in the world over T frames, and its measures."""
+class PosedTrack:
+    """One hand as a mesh in the world over T frames, and its measures, made when they are asked."""
 
     side: Side
     model: HandModel
@@ -56,14 +56,27 @@ class PosedTrack(Bundle):
     betas: Float[Tensor, " S"]
     verts: Float[Tensor, "T V 3"]
     joints: Float[Tensor, "T 21 3"]  # the track's own, else those of the pose
-    distance: Float[Tensor, "T V"]  # metres to the object, negative inside; from 3 cm on a bound
-    measures: FrameMeasures
+    valid: Bool[Tensor, " T"]  # frames with this hand
+    fps: float
+    distance_of: Callable[[Float[Tensor, "T V 3"]], Float[Tensor, "T V"]] | None
+    """`distance` of the vertices; None where there is no object."""
     joint_spread: Float[Tensor, "T 21"] | None = None  # metres; see `HandTrack`
 
-    @property
-    def valid(self) -> Bool[Tensor, " T"]:
-        """Frames with this hand."""
-        return self.measures.valid
+    @cached_property
+    def distance(self) -> Float[Tensor, "T V"]:
+        """Metres to the object, negative inside; from 3 cm on a bound."""
+        if self.distance_of is None:
+            return torch.full_like(self.verts[..., 0], NO_OBJECT)
+        return self.distance_of(self.verts)
+
+    @cached_property
+    def measures(self) -> FrameMeasures:
+        """Without an object depth and fingertips in contact are NaN, because they are not known."""
+        found = measure_frames(self.distance, self.verts, self.joints, self.fps, self.valid)
+        if self.distance_of is not None:
+            return found
+        unknown = torch.full_like(found.depth, torch.nan)
+        return replace(found, depth=unknown, fingers=unknown)
 
     @cached_property
     def spread(self) -> Float[Tensor, "T V"] | None:
@@ -207,7 +220,7 @@ def make_scene(
     mano_dir: Path | str | None = None,
     body: BodyRecording | None = None,
 ) -> Scene:
-    """Pose and measure every hand of one or two versions of an interaction.
+    """Pose every hand of one or two versions of an interaction.
 
     The object is that of the last sequence; hands without any mesh are shown alone. A hand that has
     only keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
@@ -272,10 +285,7 @@ def with_parts_behind(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
 def pose_track(
     track: HandTrack, surface: MovingSurface | None, fps: float, mano_dir: Path | str | None = None
 ) -> PosedTrack:
-    """The mesh of one track, of the embedded hand where the user has no MANO, and its measures.
-
-    Without a surface depth and fingertips in contact are NaN, because they are not known.
-    """
+    """The mesh of one track, of the embedded hand where the user has no MANO, at a surface."""
     try:
         model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
     except MissingAssetError:
@@ -290,11 +300,7 @@ def pose_track(
         if left:
             verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
             pose = mirror_axis_angle(pose)
-        far = torch.full_like(verts[..., 0], NO_OBJECT)
-        distance = far if surface is None else surface.query(verts).distance
-        measures = measure_frames(distance, verts, joints, fps, track.valid)
-        if surface is None:
-            unknown = torch.full_like(measures.depth, torch.nan)
-            measures = replace(measures, depth=unknown, fingers=unknown)
-        measured = (verts, joints, distance, measures, track.joint_spread)
-        return PosedTrack(track.side, model, pose, wrist, subject.betas, *measured)
+        distance_of = None if surface is None else lambda verts: surface.query(verts).distance
+        parameters = (track.side, model, pose, wrist, subject.betas)
+        measured = (verts, joints, track.valid, fps, distance_of, track.joint_spread)
+        return PosedTrack(*parameters, *measured)

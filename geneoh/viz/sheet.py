@@ -6,7 +6,6 @@ from pathlib import Path
 import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.metrics.report import measure_frames
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.body_hands import hand_tracks
@@ -88,9 +87,8 @@ def grasp_scene(clip: Replay) -> Scene:
     pose[0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(pose[0]))
     joints, verts, fps = skin.joints[0], skin.verts[0], 30.0
     betas = model.template.new_zeros(model.shape_dirs.shape[-1])
-    measures = measure_frames(distance, verts, joints, fps, torch.ones(1, dtype=torch.bool))
-    measured = {"verts": verts, "joints": joints, "distance": distance, "measures": measures}
-    hand = PosedTrack("right", model, pose[None], joints[:, 0], betas, **measured)
+    measured = (verts, joints, torch.ones(1, dtype=torch.bool), fps, lambda _: distance)
+    hand = PosedTrack("right", model, pose[None], joints[:, 0], betas, *measured)
     parts = [solid.only(part) for part in range(PARTS if bool(solid.jointed) else 1)]
     meshes = tuple(mesh_of_solid(part, spacing_for_looks(part)) for part in parts)
     (turned,), (moved,) = clip.joint_pose(frames)

@@ -12,6 +12,7 @@ from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import video
 from geneoh.viz.outputs import write
+from geneoh.viz.scene import make_scene
 from geneoh.viz.video import ffmpeg_path, film_frames
 
 
@@ -62,6 +63,22 @@ def test_two_hands_do_not_fit_the_smplx_names(scene, tmp_path):
         write(scene, tmp_path / "clip.npz")
 
 
+@pytest.mark.parametrize("name", ["clip.glb", "clip.npz", "clip.obj"])
+def test_formats_without_colours_measure_no_distance(one_hand, tmp_path, name):
+    """Distances of ten minutes take two minutes."""
+
+    def refuse(verts):
+        raise AssertionError("the distance was measured")
+
+    def unmeasured(version):
+        return replace(version, hands=(replace(version.hands[0], distance_of=refuse),))
+
+    hidden = replace(one_hand, versions=tuple(map(unmeasured, one_hand.versions)))
+    with pytest.raises(AssertionError, match="was measured"):
+        _ = hidden.versions[0].measures
+    assert write(hidden, tmp_path / name).exists()
+
+
 def test_a_film_has_all_frames_and_even_sides(scene):
     frames = list(film_frames(scene, cell=65))
     assert len(frames) == scene.frames
@@ -93,17 +110,13 @@ def delays_of(gif: bytes) -> list[int]:
 
 
 @pytest.mark.parametrize(("frames", "fps"), [(5, 30.0), (6, 30.0), (6, 24.0), (5, 40.0), (6, 90.0)])
-def test_a_gif_is_as_long_as_its_clip(one_hand, tmp_path, frames, fps):
+def test_a_gif_is_as_long_as_its_clip(sequences, tmp_path, frames, fps):
     try:
         ffmpeg_path()
     except MissingAssetError as error:
         pytest.skip(str(error))
-    versions = tuple(
-        replace(version, hands=tuple(hand[:frames] for hand in version.hands))
-        for version in one_hand.versions
-    )
-    clip = replace(one_hand, versions=versions, object=one_hand.object[:frames], fps=fps)
-    write(clip, tmp_path / "clip.gif")
+    clip = replace(sequences[1][:frames], fps=fps)
+    write(make_scene({"clip": clip}), tmp_path / "clip.gif")
     delays = delays_of((tmp_path / "clip.gif").read_bytes())
     assert sum(delays) == pytest.approx(100 * frames / fps, abs=1)
 

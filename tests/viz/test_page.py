@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import torch
 
-from geneoh.metrics.report import measure_frames, measure_posed
+from geneoh.metrics.report import measure_posed
 from geneoh.viz.page import page_html
+from geneoh.viz.scene import make_scene
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +64,7 @@ def test_means_of_the_page_are_those_that_the_command_prints(scene):
     verts, joints = hand.verts.clone(), hand.joints.clone()
     verts[3:, :, 1] += 0.1
     joints[3:, :, 1] += 0.1
-    distance = surface.query(verts).distance
-    measures = measure_frames(distance, verts, joints, scene.fps, hand.valid)
-    moved = replace(hand, verts=verts, joints=joints, distance=distance, measures=measures)
+    moved = replace(hand, verts=verts, joints=joints)
     alone = replace(scene, versions=(replace(version, hands=(moved,)),), samples={})
     means = unpacked(page_html(alone))[0]["versions"][0]["means"]
     report, _ = measure_posed(
@@ -85,18 +84,18 @@ def test_the_title_is_text_and_never_markup(page):
 
 
 @pytest.fixture(scope="module")
-def long_page(scene):
+def long_page(sequences):
     """300 frames of two hands before and after, which tremble differently in each."""
     generator = torch.Generator().manual_seed(0)
     frames = torch.linspace(0, 5, 300).long()
+    before, after = sequences
+    scene = make_scene({"noisy": before[frames], "clean": after[frames]})
 
-    def long(hand):
-        shake = 0.01 * torch.randn(300, 1, 3, generator=generator)
-        hand = hand[frames]
-        return replace(hand, verts=hand.verts + shake, distance=hand.distance + shake[..., 0])
+    def shaken(hand):
+        return replace(hand, verts=hand.verts + 0.01 * torch.randn(300, 1, 3, generator=generator))
 
-    versions = tuple(replace(t, hands=tuple(long(h) for h in t.hands)) for t in scene.versions)
-    return page_html(replace(scene, versions=versions, object=scene.object[frames], samples={}))
+    versions = tuple(replace(t, hands=tuple(map(shaken, t.hands))) for t in scene.versions)
+    return page_html(replace(scene, versions=versions))
 
 
 def test_300_frames_of_two_hands_before_and_after_stay_under_6_mb(long_page):

@@ -79,9 +79,8 @@ def trembling(version, amount):
     for hand in version.hands:
         aside = amount * (torch.arange(len(hand.joints)) % 2)[:, None, None]
         valid = torch.arange(len(hand.joints)) > 0
-        measures = replace(hand.measures, valid=valid)
         joints = torch.where(valid[:, None, None], hand.joints + aside, torch.nan)
-        hands.append(replace(hand, joints=joints, measures=measures))
+        hands.append(replace(hand, joints=joints, valid=valid))
     return replace(version, hands=tuple(hands))
 
 
