@@ -1,6 +1,7 @@
 """Hand parameters from keypoints and the object's surface: damped least squares over all frames."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -25,8 +26,9 @@ from geneoh.fitting.terms import (
 from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
-from geneoh.hand.model import ShapedHand
+from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.progress import OnStep, part_of
+from geneoh.sequence.gaps import observed_around
 from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.windows import blocks, widened
 
@@ -38,6 +40,8 @@ RIGID = [0, 1, *KNUCKLES]
 """Keypoints that are rigid when the fingers bend: wrist, thumb base and the four knuckles."""
 LEAST_TRUST = 1e-3
 """Weight of palm keypoints without trust, so that some orientation is found without any."""
+IMPOSSIBLE = 0.75
+"""Radians beyond its limits by which a joint is in a pose that no hand has."""
 
 
 def start_from_keypoints(
@@ -60,6 +64,27 @@ def start_from_keypoints(
     wrist = torch.where(trust[..., :1] > 0, joints[..., 0, :], origin)
     rotations = torch.cat([turn[..., None, :, :], rotations[..., 1:, :, :]], dim=-3)
     return HandState(rotations, wrist)
+
+
+def possible_start(start: HandState, model: HandModel) -> HandState:
+    """The same start where the joints of each frame can be; others are as in the frames around it.
+
+    From a joint that is turned nearly once around no step leads back, because the turn of the other
+    sense is as near. One that is so in all frames of a sample is relaxed.
+    """
+    pose = start.pose[..., 1:, :]
+    over = torch.maximum(pose - model.pose_high[1:], model.pose_low[1:] - pose).amax(-1)
+    possible = over < IMPOSSIBLE
+    if bool(possible.all()):
+        return start
+    rotations = start.rotations.clone()
+    for sample, joint in torch.nonzero(~possible.all(1)).tolist():
+        turns, right = rotations[sample, :, joint + 1], possible[sample, :, joint]
+        if bool(right.any()):
+            turns[:] = observed_around(right).rotations(turns[:, None])[:, 0]
+        else:
+            turns[:] = axis_angle_to_matrix(model.pose_mean[joint + 1])
+    return replace(start, rotations=rotations)
 
 
 def fit_hand(
@@ -85,6 +110,7 @@ def fit_hand(
     skin of the other hand, out of which this one goes half the way.
     """
     frames, found = target.shape[1], []
+    start = possible_start(start, shaped.model)
     for index, block in enumerate(parts := blocks(frames)):
         wide, inner = widened(block, OVERLAP, frames)
         obstacles: list[Callable[[HandState, ShapedHand, FitConfig], Planes]] = []

@@ -7,7 +7,7 @@ import trimesh
 from torch import Tensor
 
 from geneoh.fitting.contact_planes import Nearby, contact_planes, planes_apart, way_out
-from geneoh.fitting.fit import fit_hand, start_from_keypoints, steadiness_weight
+from geneoh.fitting.fit import fit_hand, possible_start, start_from_keypoints, steadiness_weight
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.changing_surface import ChangingSurface
@@ -66,6 +66,36 @@ def test_a_known_pose_is_recovered_from_a_noisy_start(shaped, make_state):
     fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig())
     assert error(start, shaped, target) > 0.02
     assert error(fitted, shaped, target) < 0.0005
+
+
+def test_a_finger_that_starts_nearly_turned_around_is_led_back(shaped):
+    """A tracker that loses a finger for a frame answers with any turn of its joints."""
+    model = shaped.model
+    rotations = axis_angle_to_matrix(model.pose_mean.expand(1, 8, 16, 3))
+    state = HandState(rotations, torch.zeros(1, 8, 3))
+    target, turned = joints_of(state, shaped), rotations.clone()
+    finger = torch.tensor([[-0.7, 1.3, 2.2], [-0.1, 0.1, -2.6], [-2.0, 1.5, -0.6]])
+    turned[:, 3, 4:7] = axis_angle_to_matrix(finger)
+    start = replace(state, rotations=turned)
+    fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig())
+    pose = fitted.pose[..., 1:, :]
+    over = torch.maximum(pose - model.pose_high[1:], model.pose_low[1:] - pose)
+    assert float(over.max()) < 0.1
+    assert error(fitted, shaped, target) < 0.001
+
+
+def test_a_joint_that_is_impossible_in_all_frames_starts_relaxed(shaped, make_state):
+    state, model = make_state(frames=FRAMES), shaped.model
+    turned = state.rotations.clone()
+    turned[:, :, 5] = axis_angle_to_matrix(torch.tensor([-0.1, 0.1, -2.6]))
+    start = possible_start(replace(state, rotations=turned), model)
+    torch.testing.assert_close(start.pose[0, :, 5], model.pose_mean[5].expand(FRAMES, 3))
+    assert torch.equal(start.rotations[:, :, :5], state.rotations[:, :, :5])
+
+
+def test_a_start_that_can_be_is_kept(shaped, make_state):
+    state = make_state(samples=2, frames=FRAMES)
+    assert possible_start(state, shaped.model) is state
 
 
 def test_one_frame_can_be_fitted(shaped, make_state):
