@@ -65,7 +65,7 @@ def test_two_hands_do_not_fit_the_smplx_names(scene, tmp_path):
 
 @pytest.mark.parametrize("name", ["clip.glb", "clip.npz", "clip.obj"])
 def test_formats_without_colours_measure_no_distance(one_hand, tmp_path, name):
-    """Distances of ten minutes take two minutes."""
+    """Distances take most of the time of a long clip."""
 
     def refuse(verts):
         raise AssertionError("the distance was measured")
