@@ -47,6 +47,10 @@ frames a second, more at fewer, or by so many times its median turn or step."""
 AGREES = 30.0
 """Second difference of a part's place, in deviations of its noise, up to which the place counts
 where the rotation jumps."""
+LASTING = 4 / 3
+"""Seconds for which a pose that no possible motion reaches must stay to be believed: twice as many
+as for a hand (`geneoh.sequence.shots`), because a hand comes out worse against a flipped object
+than without any."""
 LEAST_STRETCH = 6  # frames between two jumps below which a stretch is left as it is
 
 
@@ -166,7 +170,8 @@ def clean_part(
         return exact
     symmetry = symmetry_of(mesh)
     limit = step_limit(least_steps(poses[0], symmetry), TURN_CHANGE, fps)
-    chain = longest_chain(rotations, views.limit(limit, RigidMotion.turn_changes), symmetry, fps)
+    limit = views.limit(limit, RigidMotion.turn_changes)
+    chain = longest_chain(rotations, limit, symmetry, fps, LASTING)
     chain = replace(chain, kept=chain.kept & seen)
     # rotations of the mesh onto itself leave the center where it is
     middles = rotations.apply(symmetry.center) + places
@@ -258,7 +263,8 @@ def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
     """The frames in which a part's middle is where possible motion brings it."""
     places = views.world.places
     limit = step_limit(np.diff(places, axis=0), PLACE_CHANGE, fps)
-    return possible_places(places, views.limit(limit, RigidMotion.place_changes), fps)
+    limit = views.limit(limit, RigidMotion.place_changes)
+    return possible_places(places, limit, fps, LASTING)
 
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:

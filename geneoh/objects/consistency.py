@@ -10,14 +10,9 @@ from scipy.spatial.transform import Rotation
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 
-LOOK_BACK = 2 / 3  # seconds before a frame from which it may be reached
 SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
 """What a chain pays for each frame that it skips, for a turn as large as the limit, and for each
 change of the rotation of the mesh onto itself; each frame that it keeps is worth one."""
-JUMPED = 1 / 3
-"""What it pays for each jump: as much as the frames of so many seconds are worth. So an orientation
-that lasts for more than two thirds of a second is kept, a shorter one is left out."""
-
 START_SPEED = 4.0  # up to which a track may begin in the middle of a motion, metres per second
 
 
@@ -36,20 +31,23 @@ class Chain:
         return [slice(start, stop) for start, stop in pairwise(edges)]
 
 
-def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: float) -> Chain:
+def longest_chain(
+    rotations: Rotation, limit: float, symmetry: Symmetry, fps: float, lasting: float
+) -> Chain:
     """The chain of frames that keeps most of them and jumps least, by dynamic programming.
 
     From one frame of the chain to the next the part rests or keeps turning as before, each up to
     `limit` times the root of their distance, if need be after a rotation of the mesh onto itself;
     any other step is a jump. Fast motion is therefore no jump, as long as its speed grows over
-    several frames. `limit` is in radians, of turns from one frame to the next.
+    several frames. `limit` is in radians, of turns from one frame to the next. An orientation that
+    no motion reaches is left out if it is given up within `lasting` seconds, else it is kept.
     """
     matrices = rotations.as_matrix()
     count = len(matrices)
     onto, aligned = np.tile(np.eye(3), (count, 1, 1)), matrices.copy()
     if largest_bend(increments(rotations)) < limit:
         return Chain(np.ones(count, dtype=bool), onto, ())
-    chains, jumped = Chains(count, limit, fps), np.zeros(count, dtype=bool)
+    chains, jumped = Chains(count, limit, lasting * fps), np.zeros(count, dtype=bool)
     rate = np.zeros((count, 3))
     for frame in range(1, count):
         earlier = chains.earlier(frame)
@@ -74,9 +72,9 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: fl
 
 
 def possible_places(
-    places: Float64[np.ndarray, "T 3"], limit: float, fps: float
+    places: Float64[np.ndarray, "T 3"], limit: float, fps: float, lasting: float
 ) -> Bool[np.ndarray, " T"]:
-    """The frames of the `longest_chain` of a point's places, metres.
+    """The frames of the `longest_chain` of a point's places, metres; `lasting` as there.
 
     From one frame to the next the point rests or moves on as before, each up to `limit` times the
     root of their distance; at the start of the chain, where nothing tells how it moved before, it
@@ -85,7 +83,7 @@ def possible_places(
     steps, at_start = np.diff(places, axis=0), max(limit, START_SPEED / fps)
     if np.linalg.norm(steps[:1]) < at_start and largest_bend(steps) < limit:
         return np.ones(len(places), dtype=bool)
-    chains, rate = Chains(len(places), limit, fps), np.zeros((len(places), 3))
+    chains, rate = Chains(len(places), limit, lasting * fps), np.zeros((len(places), 3))
     for frame in range(1, len(places)):
         earlier = chains.earlier(frame)
         apart = frame - earlier
@@ -106,15 +104,19 @@ def largest_bend(steps: Float[np.ndarray, "N 3"]) -> float:
 
 
 class Chains:
-    """What the best chain to each frame is worth, and the frame before it there, or -1."""
+    """What the best chain to each frame is worth, and the frame before it there, or -1.
 
-    def __init__(self, count: int, limit: float, fps: float):
-        self.limit, self.fps = limit, fps
+    A frame may be reached from `lasting` frames before it, and a jump costs half as many frames:
+    two jumps cost what is between them if that lasts so long.
+    """
+
+    def __init__(self, count: int, limit: float, lasting: float):
+        self.limit, self.lasting = limit, lasting
         self.value, self.before = np.zeros(count), np.full(count, -1)
 
     def earlier(self, frame: int) -> Int[np.ndarray, " N"]:
         """The frames from which one may be reached."""
-        return np.arange(max(0, frame - max(1, round(LOOK_BACK * self.fps))), frame)
+        return np.arange(max(0, frame - max(1, round(self.lasting))), frame)
 
     def extend(
         self,
@@ -132,7 +134,7 @@ class Chains:
         earlier = self.earlier(frame)
         worth = self.value[earlier] + 1 - SKIPPED * (frame - earlier - 1)
         worth -= USED_SYMMETRY * np.asarray(changed)
-        worth -= np.where(off < reach, TURNED * off / self.limit, JUMPED * self.fps)
+        worth -= np.where(off < reach, TURNED * off / self.limit, self.lasting / 2)
         best = int(worth.argmax())
         if worth[best] <= self.value[frame]:
             return None

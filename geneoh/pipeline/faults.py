@@ -27,7 +27,7 @@ from geneoh.readers.hand_checks import finger_curls, palm_length
 from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.shots import shots_of
+from geneoh.sequence.shots import LASTING, shots_of
 from geneoh.sequence.windows import runs
 
 SHORTEST = 5  # observed frames below which nothing tells a fault from motion
@@ -183,7 +183,7 @@ def displaced(track: KeypointTrack) -> Bool[Tensor, " T"]:
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
     limit = min(limit, LARGEST_PLACE * max(1.0, 30 / track.fps))
-    return track.in_all(middles, lambda middle: ~possible_places(middle, limit, track.fps))
+    return track.in_all(middles, lambda middle: ~possible_places(middle, limit, track.fps, LASTING))
 
 
 def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
@@ -192,7 +192,7 @@ def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
     limit = min(limit, LARGEST_TURN)
     return track.in_all(
-        palms, lambda palm: ~longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept
+        palms, lambda palm: ~longest_chain(palm, limit, ALL_THE_SAME, track.fps, LASTING).kept
     )
 
 

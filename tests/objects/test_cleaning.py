@@ -97,6 +97,16 @@ def test_flips_are_left_out_and_the_frames_around_them_stay_exact():
     assert np.delete(angles(motion, clean), range(50, 58)).max() < 0.1
 
 
+def test_a_flip_of_a_second_is_left_out():
+    motion = lifted(WEDGE)
+    rotation, flipped = motion.rotation.clone(), slice(50, 80)
+    rotation[flipped] = rotation[flipped] @ torch.diag(torch.tensor([-1.0, -1.0, 1.0]))
+    clean, found = clean_object(replace(motion, rotation=rotation), FPS)
+    assert found.left_out[flipped].all()
+    assert int(found.left_out.sum()) == 30
+    assert np.delete(angles(motion, clean), range(50, 80)).max() < 0.1
+
+
 def test_a_can_that_spins_about_its_axis_from_frame_to_frame_is_turned_back():
     motion = lifted(CAN)
     spin = np.random.default_rng(1).uniform(-np.pi, np.pi, FRAMES) * (np.arange(FRAMES) % 3 > 0)
