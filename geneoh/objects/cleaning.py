@@ -68,6 +68,8 @@ class ObjectExamination(Bundle):
     """Poses whose rotation or place no possible motion reaches."""
     symmetric: Bool[Tensor, "T Q"]
     """Poses whose rotation was changed by one of the mesh onto itself."""
+    doubted: Bool[Tensor, "T Q"]
+    """Poses beside a turn that no motion makes, of which nothing tells whether they are right."""
     is_noisy: Bool[Tensor, " Q"]
     """Whether a part's track was cleaned."""
     aligned: ObjectTrack
@@ -98,6 +100,9 @@ class ObjectExamination(Bundle):
             if count := int(self.symmetric[:, part].sum()):
                 frames = numbered(count, "frame")
                 yield f"{frames} in which {name} is turned by its own symmetry, turned back"
+            if count := int(self.doubted[:, part].sum()):
+                frames = numbered(count, "frame")
+                yield f"{name} turns as no motion turns it, and stays so: not relied on in {frames}"
 
 
 Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
@@ -112,6 +117,7 @@ class CleanPart:
     confidence: Float64[np.ndarray, " T"]
     left_out: Bool[np.ndarray, " T"]
     symmetric: Bool[np.ndarray, " T"]
+    doubted: Bool[np.ndarray, " T"]
     rotation_noise: float = 0.0
     translation_noise: float = 0.0
     is_noisy: bool = False
@@ -157,7 +163,7 @@ def clean_part(
     """One part's track without its noise, and what was found in it. Frames not `seen` are filled,
     with no weight and no confidence."""
     nowhere = np.zeros(len(seen), dtype=bool)
-    exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere)
+    exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere, nowhere)
     if seen.sum() < LEAST_FRAMES:  # noise cannot be told from motion
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
@@ -233,6 +239,7 @@ def _smoothed(
         weight,
         ~(chain.kept & there) & seen,
         chain.kept & changed,
+        chain.doubted & seen,
         *noise,
         is_noisy=True,
     )

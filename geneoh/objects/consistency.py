@@ -13,6 +13,7 @@ from geneoh.objects.symmetry import Symmetry
 SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
 """What a chain pays for each frame that it skips, for a turn as large as the limit, and for each
 change of the rotation of the mesh onto itself; each frame that it keeps is worth one."""
+MOST = 2 / 3  # share of the kept frames from which on a stretch between jumps is taken as right
 START_SPEED = 4.0  # up to which a track may begin in the middle of a motion, metres per second
 
 
@@ -29,6 +30,18 @@ class Chain:
         """The frames from each jump to the next."""
         edges = [0, *self.jumps, len(self.kept)]
         return [slice(start, stop) for start, stop in pairwise(edges)]
+
+    @property
+    def doubted(self) -> Bool[np.ndarray, " T"]:
+        """The frames beside jumps that may be wrong: all but those of a stretch with most frames.
+
+        No motion leads over a jump, so one side of it is wrong, and nothing tells which.
+        """
+        found = np.full(len(self.kept), bool(self.jumps))
+        for stretch in self.stretches():
+            if self.kept[stretch].sum() >= MOST * self.kept.sum():
+                found[stretch] = False
+        return found
 
 
 def longest_chain(

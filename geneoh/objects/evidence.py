@@ -74,7 +74,8 @@ def evidence_of_poses(
             examined.translation_noise[part]
             + examined.rotation_noise[part] * radius(motion.meshes[part])
         )
-        kept = examined.confidence[:, part].cpu().numpy() > 0
+        sure = (examined.confidence > 0) & ~examined.doubted
+        kept = sure[:, part].cpu().numpy()
         away = np.asarray(distance_transform_edt(~kept))  # with none kept, `share` is 0
         # a bridge over unseen frames misses what the object accelerated by there
         missed = 0.5 * acceleration_around(motion, part, kept, fps) * np.square(away)

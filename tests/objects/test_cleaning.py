@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from geneoh.errors import numbered
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
+from geneoh.objects.evidence import evidence_of_poses
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES, FPS = 150, 30.0
@@ -154,6 +155,18 @@ def test_an_orientation_that_lasts_is_believed():
     clean, found = clean_object(noisy, FPS)
     assert not found.left_out.any()
     assert angles(noisy, clean).max() < 0.1
+
+
+@pytest.mark.parametrize(("start", "end"), [(60, 0), (110, 130)])
+def test_an_object_is_relied_on_in_the_orientation_of_most_frames(start, end):
+    motion = lifted(WEDGE)
+    rotation = motion.rotation.clone()
+    rotation[start:] = rotation[start:] @ torch.diag(torch.tensor([-1.0, -1.0, 1.0]))
+    clean, found = clean_object(replace(motion, rotation=rotation), FPS)
+    evidence = evidence_of_poses(found, clean, FPS)
+    assert evidence[end:].max() < 0.05
+    assert end == 0 or evidence[:80].min() > 0.95
+    assert any("as no motion turns it" in words for words in found.sentences())
 
 
 def test_fast_motion_is_no_jump():
