@@ -224,13 +224,14 @@ def _smoothed(
         min(v.place_noise() for v in views.every),
     )
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
+    least = max(noise[1], EXACT_TRANSLATION / 4)
+    placed = steady(middles, chain.kept, least) & there
     if shakes:
-        least = max(noise[1], EXACT_TRANSLATION / 4)
-        middles, sure = smooth_points(middles, steady(middles, chain.kept, least) & there, least)
+        middles, sure = smooth_points(middles, placed, least)
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept, weight = chain.kept[:, None, None], weight * there
-        middles = interpolated(middles, there)
+        middles = interpolated(middles, placed)
         clean = Rotation.from_matrix(np.where(kept, rotations.as_matrix(), clean.as_matrix()))
     changed = np.abs(chain.onto_itself - np.eye(3)).max((1, 2)) > 1e-3
     return CleanPart(

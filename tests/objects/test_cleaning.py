@@ -98,6 +98,16 @@ def test_flips_are_left_out_and_the_frames_around_them_stay_exact():
     assert np.delete(angles(motion, clean), range(50, 58)).max() < 0.1
 
 
+def test_the_place_of_an_exact_track_does_not_follow_a_flip_about_a_point_beside_it():
+    motion, point = lifted(WEDGE), torch.tensor([0.02, 0.03, 0.0])
+    rotation, translation = motion.rotation.clone(), motion.translation.clone()
+    flip = torch.diag(torch.tensor([-1.0, -1.0, 1.0]))
+    translation[70:78] += rotation[70:78] @ (point - flip @ point)
+    rotation[70:78] = rotation[70:78] @ flip
+    clean, _ = clean_object(replace(motion, rotation=rotation, translation=translation), FPS)
+    assert float((clean.translation - motion.translation).norm(dim=-1).max()) < 0.004
+
+
 def test_a_flip_of_a_second_is_left_out():
     motion = lifted(WEDGE)
     rotation, flipped = motion.rotation.clone(), slice(50, 80)
