@@ -24,6 +24,7 @@ from geneoh.viz.scene import DrawnSurface, Scene
 FIELD_OF_VIEW = np.deg2rad(28.0)  # angle over the shorter side of a picture, radians
 TURNS = 12  # directions that are tried around the up axis at each elevation
 ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)  # of tried directions above the horizontal, radians
+BELOW = 0.85  # worth of what is seen from below, where there may be a table
 TRIAL_SIZE = 96  # side in pixels of the pictures that directions are judged by
 JUDGED_FRAMES = 3  # frames that directions are judged by: those with the deepest penetration
 SMOOTHING = 0.2  # seconds of the filter on the camera's path, against a trembling hand
@@ -137,7 +138,8 @@ def _best_axes(
 
     def seen(axes: Axes) -> float:
         placed = {frame: Camera(axes, targets[frame], radius) for frame in frames}
-        return sum(_seen_pixels(hands, placed[at]) for at, hands in drawn.items() if hands)
+        shown = sum(_seen_pixels(hands, placed[at]) for at, hands in drawn.items() if hands)
+        return shown * (BELOW if axes[2] @ up < 0 else 1.0)
 
     return max((axes_towards(back, up) for back in _directions(up)), key=seen)
 

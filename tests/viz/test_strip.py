@@ -52,6 +52,15 @@ def test_the_same_scene_gives_the_same_picture(scene):
     assert (a == b).all()
 
 
+@pytest.mark.parametrize(("more", "below"), [(1.1, False), (1.3, True)])
+def test_the_camera_is_below_only_where_it_sees_much_more(scene, monkeypatch, more, below):
+    def seen(hands, camera):
+        return more if camera.axes[2] @ UP < -0.1 else 1.0
+
+    monkeypatch.setattr("geneoh.viz.camera._seen_pixels", seen)
+    assert (cameras(scene, UP)[0].axes[2] @ UP < -0.1) == below
+
+
 def test_the_axes_are_a_rotation_with_up_upwards(scene):
     axes = cameras(scene, UP)[0].axes
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
