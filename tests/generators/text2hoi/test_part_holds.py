@@ -91,20 +91,24 @@ def test_lids_are_grasped_at_the_edge_that_reaches_over_the_box(lidded, shapes):
     assert (shapes.scans.grasped[1, below] < 1e-3).all()
 
 
-def test_the_hand_is_at_the_lid_and_stays_in_its_place_while_the_lid_moves(lidded):
-    found = held_at_parts(opening(lidded), lidded.meshes, generator=seeded())
-    lid = rigid_part(found, 1)
+@pytest.fixture(scope="module")
+def opened(lidded):
+    """The right hand, which was drawn flat on the lid, with the hold by which it opens it."""
+    return held_at_parts(opening(lidded), lidded.meshes, generator=seeded())
+
+
+def test_the_hand_is_at_the_lid_and_stays_in_its_place_while_the_lid_moves(opened):
+    lid = rigid_part(opened, 1)
     moves = slice(FRAMES // 3, 2 * FRAMES // 3)
     pose = Rigid(lid.rotation[0], lid.translation[0]).inverse()
-    at_lid = pose.apply(found.keypoints()[0, 1])[moves]
+    at_lid = pose.apply(opened.keypoints()[0, 1])[moves]
     assert (at_lid - at_lid[:1]).norm(dim=-1).max() < 1e-4
     gap = torch.cdist(at_lid[0], lid.points[0]).amin()
     assert gap < 0.02
 
 
-def test_a_hand_that_lies_flat_on_a_lid_takes_its_edge_to_open_it(lidded):
-    found = held_at_parts(opening(lidded), lidded.meshes, generator=seeded())
-    lid = HeldHands.of(rigid_part(found, 1), 1, torch.zeros(3)).take([FRAMES // 2], "N")
+def test_a_hand_that_lies_flat_on_a_lid_takes_its_edge_to_open_it(lidded, opened):
+    lid = HeldHands.of(rigid_part(opened, 1), 1, torch.zeros(3)).take([FRAMES // 2], "N")
     query = SurfaceDistance(lidded.meshes[1]).query(lid.pads)
     touching = query.distance.abs() < 0.004
     motion = lidded.joint.axis.cross(torch.tensor([0.0, -DEEP, 0.0]), dim=0)[None]
