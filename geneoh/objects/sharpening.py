@@ -20,8 +20,8 @@ from geneoh.objects.evidence import placed_vertices
 from geneoh.objects.palms import RigidMotion, palm_of
 from geneoh.objects.relative_filter import Comparison, LowPass, compared
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.resample import with_hands_earlier
-from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.resample import hand_earlier
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 ROUNDS = 3
 """How often what is left of a filter is looked for in the sharpened track again."""
@@ -74,8 +74,8 @@ def sharpened(
         notes += [] if found is None else [of_hand(hand, found)]
     off = torch.zeros_like(examined.confidence)
     for part in parts:
-        apart = (by for palm, by in late if compared(motion, part, palm, fps))
-        motion, left, said = sharpened_part(motion, part, moved, fps, next(apart, None))
+        told = (delay for palm, delay in late if compared(motion, part, palm, fps))
+        motion, left, said = sharpened_part(motion, part, moved, fps, next(told, None))
         off[:, part] = left.to(off)
         notes += said
     return Sharpened(tuple(sharp), motion, off, tuple(notes))
@@ -85,7 +85,7 @@ def only_late(
     hand: HandTrack, delay: int, motion: ObjectTrack, parts: list[int], fps: float
 ) -> bool:
     """Whether hand and object differ by no filter once the hand comes `delay` frames earlier."""
-    palm = palm_of(with_hands_earlier(Sequence((hand,), motion, fps), delay).hands[0])
+    palm = palm_of(hand_earlier(hand, delay))
     every = [found for part in parts if (found := compared(motion, part, palm, fps))]
     return all(found.filter_of_palm is None is found.filter_of_part for found in every)
 

@@ -254,15 +254,17 @@ def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
 
 def seconds_of(record: Record, name: str, steps: Array) -> float:
     """Seconds of the unit of times, by their name or else by their steps."""
-    unit = TIME_NAMES[name]
+    unit = TIME_NAMES[name] or unit_by_steps(steps, SLOWEST, FASTEST)
     if unit is not None:
         return unit
-    usual = float(np.median(steps))
-    for unit in UNITS.values():
-        if SLOWEST <= 1 / (usual * unit) <= FASTEST:
-            return unit
     cure = f"call the field '{name}_s', '{name}_ms', '{name}_us' or '{name}_ns'"
     raise record.refuse(name, "times in a unit that their steps tell", cure)
+
+
+def unit_by_steps(steps: Array, slowest: float, fastest: float) -> float | None:
+    """Seconds of the unit in which steps of times are those of so many a second, if any is."""
+    rates = ((unit, 1 / (float(np.median(steps)) * unit)) for unit in UNITS.values())
+    return next((unit for unit, rate in rates if slowest <= rate <= fastest), None)
 
 
 def usual_step(values: Array) -> tuple[float, bool]:

@@ -5,7 +5,7 @@ Programs write one thing in many ways: `WRIST_x`, `LeftIndexTipPosX`, `XR_HAND_J
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from geneoh.choices import Side
@@ -51,6 +51,14 @@ def plain_name(name: str) -> str:
     unit = UNIT.search(name)
     name = UNIT.sub("", name).strip().lstrip("#% ").lower().rpartition(".")[2]
     return f"{name}_{unit[1]}" if unit and unit[1] else name
+
+
+def columns_called(
+    columns: Iterable[str | None], names: Iterable[str]
+) -> Iterator[tuple[str, str]]:
+    """Those of some names that a column has, in their order, each with the first such column."""
+    called = {plain_name(column): column for column in reversed(list(columns)) if column}
+    return ((name, called[name]) for name in names if name in called)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,14 @@ from geneoh.errors import InputError, numbered
 from geneoh.files.reading import open_text, table_in
 from geneoh.readers import mediapipe
 from geneoh.readers.clock import TIME_NAMES
-from geneoh.readers.column_names import coordinate_in, plain_name, point_in, side_in, words_of
+from geneoh.readers.column_names import (
+    columns_called,
+    coordinate_in,
+    plain_name,
+    point_in,
+    side_in,
+    words_of,
+)
 from geneoh.readers.foreign_files import JSON_LIMIT, number_in
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.records import FRAME_LIMIT, Record
@@ -121,8 +128,7 @@ def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
 
 def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
     """The column of a table that is called by the first of some names, if any is."""
-    called = {plain_name(name): name for name in reversed(list(rows[0] if rows else ())) if name}
-    return next((called[name] for name in names if name in called), None)
+    return next((column for _, column in columns_called(rows[0] if rows else (), names)), None)
 
 
 def frames_of(rows: list[Row]) -> list[float]:

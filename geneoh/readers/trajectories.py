@@ -17,8 +17,8 @@ import numpy as np
 
 from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of, unreadable
-from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, UNITS, is_column
-from geneoh.readers.column_names import Coordinate, coordinate_in, plain_name
+from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
+from geneoh.readers.column_names import Coordinate, columns_called, coordinate_in, plain_name
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text
 from geneoh.readers.records import FRAME_LIMIT, Array
 from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
@@ -251,8 +251,8 @@ def columns_of(said: dict[str, Coordinate], axes: str) -> list[str]:
 
 def column_called(table: Table, names: Iterable[str]) -> tuple[str, Array] | None:
     """The first of some names that a column has, and its numbers, if all are finite."""
-    called = {plain_name(name): at for at, name in reversed(list(enumerate(table.names)))}
-    found = ((name, table.rows[:, called[name]]) for name in names if name in called)
+    called = columns_called(table.names, names)
+    found = ((name, table.rows[:, table.names.index(column)]) for name, column in called)
     return next((each for each in found if np.isfinite(each[1]).all()), None)
 
 
@@ -261,9 +261,7 @@ def in_seconds(path: Path, name: str, values: Array) -> Array:
     refuse_fall(path, name, values)
     unit = TIME_NAMES[name]
     if unit is None and len(values) > 1:
-        usual = float(np.median(np.diff(values)))
-        rates = ((unit, 1 / (usual * unit)) for unit in UNITS.values())
-        unit = next((unit for unit, rate in rates if FAST / 1000 <= rate < FAST), None)
+        unit = unit_by_steps(np.diff(values), FAST / 1000, FAST)
     return values * (unit or 1.0)
 
 

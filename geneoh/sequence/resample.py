@@ -137,22 +137,22 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
     """
     if delay == 0:
         return sequence
-    last = sequence.frames - 1
-    device = sequence.object.rotation.device
-    wanted = torch.arange(last + 1, dtype=torch.float64, device=device) + delay
-    time = wanted.nan_to_num().clamp(0, last)
-    between = instants(time, sequence.frames)
-    nearest = between.nearest
-    hands = tuple(
-        between.hand(hand, (time == wanted) & hand.valid[nearest])
-        for hand in map(blendable, sequence.hands)
-    )
+    hands = tuple(hand_earlier(hand, delay) for hand in sequence.hands)
     if not all(bool(hand.valid.any()) for hand in hands):
         raise InputError(
             f"{sequence.source or 'the sequence'}: a 'hand_delay' of {delay:g} leaves no frame of "
             f"{sequence.frames} with a hand; correct it (--hand-delay)"
         )
     return replace(sequence, hands=hands)
+
+
+def hand_earlier(hand: HandTrack, delay: float | int) -> HandTrack:
+    """The same of one hand, which may then be in no frame."""
+    last = hand.frames - 1
+    wanted = torch.arange(last + 1, dtype=torch.float64, device=hand.valid.device) + delay
+    time = wanted.nan_to_num().clamp(0, last)
+    between = instants(time, hand.frames)
+    return between.hand(blendable(hand), (time == wanted) & hand.valid[between.nearest])
 
 
 def _interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:

@@ -52,7 +52,7 @@ class PartTask:
         touching = gap.abs() < TOUCH
         weight = touching.float()[..., None]
         middle = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
-        lever = (middle @ self.out) / (self.around.take([0], "S").extents[0] @ self.out.abs())
+        lever = (middle @ self.out) / (part.extents[0] @ self.out.abs())
         away = (hands.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
         cost = (
             abs(self.way) * UNMOVED * unmoved(normal, touching, self.motion(middle))
