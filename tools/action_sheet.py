@@ -23,7 +23,8 @@ from geneoh.synthesis.actions import FPS, VERBS, Actions
 from geneoh.viz.camera import Camera, axes_towards
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
 from geneoh.viz.picture import Picture
-from geneoh.viz.scene import PosedTrack, Scene, Version, with_parts_behind
+from geneoh.viz.posed_track import PosedTrack
+from geneoh.viz.scene import Scene, Version, with_parts_behind
 
 FRAMES = 6  # of a clip, the first and the last among them
 CELL = 230  # side of one picture, pixels

@@ -13,9 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from geneoh.arguments import checked_call, given_options
 from geneoh.baselines.networks import BASELINES, baseline_weights
 from geneoh.choices import Dataset
-from geneoh.config import as_dict, checked_call, given_options
+from geneoh.config import as_dict
 from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, find_cases

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 import torch
 
+from geneoh.arguments import checked_call
 from geneoh.choices import Unit
-from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.files.outputs import is_ours
 from geneoh.files.reading import head_of, refuse_stand_in

@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.arguments import checked_call
 from geneoh.choices import Selection, Side
-from geneoh.config import checked_call
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand

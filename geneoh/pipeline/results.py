@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.arguments import checked_call
 from geneoh.bundle import Bundle, Index, equal_values, repr_by_shapes
 from geneoh.choices import SIDES, Side
-from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays, read_archive
 from geneoh.files.outputs import check_ending, keep_others

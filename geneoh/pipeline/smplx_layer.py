@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.arguments import checked_call
 from geneoh.choices import HandSource, Side
-from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas

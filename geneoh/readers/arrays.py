@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from geneoh.arguments import checked_call
 from geneoh.bundle import unmasked
 from geneoh.choices import SIDES
-from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from geneoh.arguments import checked_call
 from geneoh.choices import SIDES, JointOrder, Side, Unit
-from geneoh.config import checked_call
 from geneoh.errors import InputError, numbered, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh

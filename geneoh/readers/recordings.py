@@ -6,8 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from geneoh.arguments import checked_call, is_plain
 from geneoh.choices import Side, Unit
-from geneoh.config import as_field_type, checked_call, closest_name, is_plain
+from geneoh.config import as_field_type, closest_name
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import refuse_missing

@@ -21,7 +21,8 @@ from geneoh.hand.model import HandModel, ShapedHand, pose_features
 from geneoh.hand.skeleton import FINGERS, PARENTS
 from geneoh.viz.camera import axes_towards
 from geneoh.viz.look import DEFAULT_LOOK, SKIN_COLOUR, Colour, Look
-from geneoh.viz.scene import PosedTrack, Scene
+from geneoh.viz.posed_track import PosedTrack
+from geneoh.viz.scene import Scene
 from geneoh.viz.surface import vertex_normals
 
 COMPONENTS = {np.dtype("u1"): 5121, np.dtype("<u4"): 5125, np.dtype("<f4"): 5126}

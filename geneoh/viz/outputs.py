@@ -26,7 +26,8 @@ from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
 from geneoh.viz.glb import glb_bytes, turn_to_y_up
 from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.page import page_html
-from geneoh.viz.scene import PosedTrack, Scene
+from geneoh.viz.posed_track import PosedTrack
+from geneoh.viz.scene import Scene
 from geneoh.viz.video import ffmpeg_path, write_film
 
 with interrupts_wait():

@@ -24,7 +24,8 @@ from torch import Tensor
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
 from geneoh.viz.look import DEFAULT_LOOK, SCALES, SKIN_COLOUR, Look, ramp_position
-from geneoh.viz.scene import PosedTrack, Scene, Version
+from geneoh.viz.posed_track import PosedTrack
+from geneoh.viz.scene import Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
 
 STEPS = 65535  # 16-bit steps over the longest side of the scene

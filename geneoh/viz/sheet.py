@@ -22,7 +22,8 @@ from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
 from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.picture import Picture, draw
-from geneoh.viz.scene import PosedTrack, Scene, Version, make_scene
+from geneoh.viz.posed_track import PosedTrack
+from geneoh.viz.scene import Scene, Version, make_scene
 
 COLUMNS = 8
 SCANNED = 32  # most scanned objects on the sheet, spread over their names

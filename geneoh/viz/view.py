@@ -10,8 +10,9 @@ from typing import Any
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.arguments import checked_call
 from geneoh.choices import Axis, Colouring, Side
-from geneoh.config import as_field_type, checked_call
+from geneoh.config import as_field_type
 from geneoh.files.atomic import write_whole
 from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed

@@ -8,20 +8,22 @@ import trimesh
 from made_grasps import ANY_GRASP
 
 from geneoh.errors import InputError
-from geneoh.evaluation import realism
+from geneoh.evaluation import realism, realism_clips
 from geneoh.evaluation.realism import (
-    FPS,
-    MESH_EVERY,
-    NEAR,
-    HandClips,
     compare_clips,
     comparisons,
     controls,
     measure_realism,
     one_snippet_each,
+    table,
+)
+from geneoh.evaluation.realism_clips import (
+    FPS,
+    MESH_EVERY,
+    NEAR,
+    HandClips,
     recorded_clip,
     synthetic_clips,
-    table,
     vertex_areas,
 )
 from geneoh.evaluation.two_sample_classifier import BLOCK, SNIPPET, VIEWS
@@ -185,7 +187,7 @@ def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
     config = SynthesisConfig(count=6, frames=40, points=16, shard=2, grasps=ANY_GRASP)
     hand = load_hand("right")
     write_shards(tmp_path, config, seed=0)
-    monkeypatch.setattr(realism, "CLIPS_PER_SHARD", 1)
+    monkeypatch.setattr(realism_clips, "CLIPS_PER_SHARD", 1)
     found = synthetic_clips(tmp_path, hand)
     assert found.world.shape == (2, 40, 21, 3), "two training shards, one clip of each"
     assert len(found.depth) == 2 * 40 // MESH_EVERY

@@ -8,11 +8,12 @@ from typing import Literal
 import numpy as np
 import torch
 
+from geneoh.arguments import checked_call, given_options
 from geneoh.body.motion import BodyMotion, grounded, pose, turned_body
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
 from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import GENERATION, STEPS
-from geneoh.config import check_fields, checked_call, given_options
+from geneoh.config import check_fields
 from geneoh.errors import InputError
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import load_both2hands

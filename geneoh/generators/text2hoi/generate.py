@@ -9,9 +9,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.arguments import checked_call, given_options
 from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
-from geneoh.config import check_fields, checked_call, given_options
+from geneoh.config import check_fields
 from geneoh.generators.text2hoi.choosing import missed_motion
 from geneoh.generators.text2hoi.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_refiner, load_text2hoi

@@ -1,0 +1,90 @@
+"""One hand of an interaction as a mesh in the world, and its measures."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.choices import Side
+from geneoh.errors import MissingAssetError
+from geneoh.fitting.subject import subject_of
+from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
+from geneoh.hand.library import hand_of_betas, load_hand
+from geneoh.hand.model import HandModel
+from geneoh.metrics.report import FrameMeasures, measure_frames
+from geneoh.sequence.sequence import HandTrack
+
+NO_OBJECT = 10.0  # distance of all vertices where there is no object, metres
+SPREAD_REACH = 0.015  # how far the spread of a keypoint reaches over the skin, metres
+
+
+@dataclass(frozen=True)
+class PosedTrack:
+    """One hand as a mesh in the world over T frames, and its measures, made when they are asked."""
+
+    side: Side
+    model: HandModel
+    pose: Float[Tensor, "T 16 3"]  # axis-angle, MANO joint order; given or fitted
+    wrist: Float[Tensor, "T 3"]
+    betas: Float[Tensor, " S"]
+    verts: Float[Tensor, "T V 3"]
+    joints: Float[Tensor, "T 21 3"]  # the track's own, else those of the pose
+    valid: Bool[Tensor, " T"]  # frames with this hand
+    fps: float
+    distance_of: Callable[[Float[Tensor, "T V 3"]], Float[Tensor, "T V"]] | None
+    """`distance` of the vertices; None where there is no object."""
+    joint_spread: Float[Tensor, "T 21"] | None = None  # metres; see `HandTrack`
+
+    @cached_property
+    def distance(self) -> Float[Tensor, "T V"]:
+        """Metres to the object, negative inside; from 3 cm on a bound."""
+        if self.distance_of is None:
+            return torch.full_like(self.verts[..., 0], NO_OBJECT)
+        return self.distance_of(self.verts)
+
+    @cached_property
+    def measures(self) -> FrameMeasures:
+        """Without an object depth and fingertips in contact are NaN, because they are not known."""
+        found = measure_frames(self.distance, self.verts, self.joints, self.fps, self.valid)
+        if self.distance_of is not None:
+            return found
+        unknown = torch.full_like(found.depth, torch.nan)
+        return replace(found, depth=unknown, fingers=unknown)
+
+    @cached_property
+    def spread(self) -> Float[Tensor, "T V"] | None:
+        """Expected error (`HandTrack.joint_spread`) carried to the vertices, metres."""
+        if self.joint_spread is None:
+            return None
+        apart = torch.cdist(self.verts[:1], self.joints[:1])[0]
+        weights = torch.softmax(-((apart / SPREAD_REACH) ** 2), dim=-1)
+        return self.joint_spread @ weights.T
+
+
+def pose_track(
+    track: HandTrack, surface: MovingSurface | None, fps: float, mano_dir: Path | str | None = None
+) -> PosedTrack:
+    """The mesh of one track, of the embedded hand where the user has no MANO, at a surface."""
+    try:
+        model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
+    except MissingAssetError:
+        model = load_hand(track.side)
+    left = track.side == "left"
+    right, right_model = (track.mirrored(), model.mirrored()) if left else (track, model)
+    with torch.no_grad():
+        subject = subject_of(right, right_model)
+        state = subject.parameters()
+        posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
+        verts, joints, pose, wrist = posed.verts[0], subject.joints, state.pose[0], state.wrist[0]
+        if left:
+            verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
+            pose = mirror_axis_angle(pose)
+        distance_of = None if surface is None else lambda verts: surface.query(verts).distance
+        parameters = (track.side, model, pose, wrist, subject.betas)
+        measured = (verts, joints, track.valid, fps, distance_of, track.joint_spread)
+        return PosedTrack(*parameters, *measured)
