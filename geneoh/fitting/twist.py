@@ -28,6 +28,8 @@ NATURAL = 1.3  # deviation of natural poses in units of the model's `pose_std`
 OFFSET = 0.25  # deviation of the lasting errors that trackers make, radians per component
 SURE = 27.0
 """Logarithm of how much more probable twists must make a pose than lasting errors do."""
+REFINED = 10.0
+"""More than `refined` adds to that: the search on the grid alone rules most poses out."""
 CONSTANT, SLOW = 1000.0, 20.0
 """Weights of a twist's change between frames, 1/rad: it hardly changes, or slowly."""
 ITERATIONS = 8  # after which twists hardly change
@@ -49,7 +51,9 @@ def untwisted(subject: Subject) -> Subject:
     model, rotations, offsets = subject.shaped.model, subject.start.rotations[0], subject.offsets[0]
     fingers, bones = fingers_of(rotations), bones_of(offsets)
     seen = lasting(fingers, LOOKED_AT)
-    start = likeliest(seen, bones, model)[:, None].expand(*seen.shape[:2], 3)
+    start = likeliest(seen[:, ::2], bones, model)[:, None].expand(*seen.shape[:2], 3)
+    if sureness(seen, turned(seen, bones, start), model) < SURE - REFINED:
+        return subject
     found = refined(seen, bones, model, start, CONSTANT)
     if sureness(seen, turned(seen, bones, found), model) < SURE:
         return subject
@@ -151,23 +155,26 @@ def refined(
     Levenberg-Marquardt from `twist` on, for each finger by itself.
     """
 
-    def residual(at: Tensor) -> Tensor:
-        return unlikeness(turned(fingers, bones, at), model).flatten(-2)
+    def residual(of: Tensor, at: Tensor) -> Tensor:
+        return unlikeness(turned(of, bones, at), model).flatten(-2)
 
-    def energy(at: Tensor) -> Tensor:
-        return residual(at).square().sum((1, 2)) + (steady * at.diff(dim=1)).square().sum((1, 2))
+    def energy(off: Tensor, at: Tensor) -> Tensor:
+        return off.square().sum((1, 2)) + (steady * at.diff(dim=1)).square().sum((1, 2))
 
     eye, damping = torch.eye(3).to(twist), twist.new_full((5, 1, 1, 1), 1e-2)
     coupling = twist.new_full((3,), steady**2)
+    slight = SLIGHT * torch.cat([torch.zeros_like(eye[:1]), eye])
+    copies = fingers.repeat(1, len(slight), 1, 1, 1)  # one call for all is much faster
     for _ in range(ITERATIONS):
-        here = residual(twist)
-        ahead = torch.stack([residual(twist + SLIGHT * axis) for axis in eye], dim=-1)
-        slope = (ahead - here[..., None]) / SLIGHT
+        each = (twist[:, None] + slight[:, None]).flatten(1, 2)
+        here, *ahead = residual(copies, each).chunk(len(slight), dim=1)
+        slope = (torch.stack(ahead, dim=-1) - here[..., None]) / SLIGHT
         matrix = slope.mT @ slope
         ridge = damping * matrix.diagonal(dim1=-2, dim2=-1).mean((1, 2))[:, None, None, None]
         gradient = (slope.mT @ here[..., None])[..., 0] + _pull(twist, steady)
         moved = twist + solve_coupled_frames(matrix + ridge * eye, -gradient, coupling)
-        better = (energy(moved) < energy(twist))[:, None, None]
+        nearer = energy(residual(fingers, moved), moved) < energy(here, twist)
+        better = nearer[:, None, None]
         twist = torch.where(better, moved, twist)
         damping = torch.where(better[..., None], damping / 4, damping * 6).clamp(1e-6, 1e6)
     return twist

@@ -350,16 +350,16 @@ def test_a_hand_that_is_elsewhere_for_some_frames_leads_no_stream_away(noisy, cl
     matrix[:, :3, :3] = noisy.object.rotation[:, 0]
     matrix[:, :3, 3] = noisy.object.translation[:, 0]
     made = []
-    for frame in range(100):
+    for frame in range(40, 100):
         given = {"joints": away[frame]}
         if not keys:
             given |= {"pose": hand.pose[frame], "wrist": away[frame, 0]}
         made.append(stream.push(given, matrix[frame]))
     done = [frame for frame in made if frame is not None] + stream.flush()
     joints = torch.cat([frame.hand.joints for frame in done])
-    off = (joints - clean.hands[0].joints[:100]).norm(dim=-1).mean(-1)
-    assert off[wrong].max() < 0.04
-    assert off[76:].mean() < 0.03
+    off = (joints - clean.hands[0].joints[40:100]).norm(dim=-1).mean(-1)
+    assert off[30:36].max() < 0.04
+    assert off[36:].mean() < 0.03
 
 
 def test_a_part_that_no_frame_has_a_pose_of_is_as_none(noisy):
