@@ -68,17 +68,26 @@ def winding_of(mesh: Mesh) -> igl.FastWindingNumberBVH:
     return winding
 
 
+def winding_numbers(
+    winding: igl.FastWindingNumberBVH,
+    points: Float64[np.ndarray, "P 3"],
+    thresholds: tuple[float, ...],
+) -> Float64[np.ndarray, " P"]:
+    """The winding number at each point, accurate where it is near one of some thresholds."""
+    if len(points) == 0:
+        return np.zeros(0)
+    number = np.asarray(winding.winding_number(np.ascontiguousarray(points), COARSE))
+    near = np.abs(np.subtract.outer(number, thresholds)).min(-1) < UNSURE
+    if near.any():
+        number[near] = winding.winding_number(np.ascontiguousarray(points[near]))
+    return number
+
+
 def winding_inside(
     winding: igl.FastWindingNumberBVH, points: Float64[np.ndarray, "P 3"]
 ) -> Bool[np.ndarray, " P"]:
     """Whether the winding number says inside, whichever way the faces point."""
-    if len(points) == 0:
-        return np.zeros(0, dtype=bool)
-    number = np.abs(winding.winding_number(np.ascontiguousarray(points), COARSE))
-    unsure = np.flatnonzero(np.abs(number - 0.5) < UNSURE)
-    if len(unsure):
-        number[unsure] = np.abs(winding.winding_number(np.ascontiguousarray(points[unsure])))
-    return number > 0.5
+    return np.abs(winding_numbers(winding, points, (-0.5, 0.5))) > 0.5
 
 
 def build_solid(mesh: Mesh) -> Solid:
@@ -256,8 +265,6 @@ def sides(
     """Whether the inside lies before and behind each face, at one barycentric position."""
     weights = torch.tensor(probe, dtype=torch.float64)
     points = (mesh.corners().double() * weights[:, None]).sum(-2) + mesh.face_normals() * PROBE
-    if len(points) == 0:
-        return torch.zeros(0, dtype=torch.bool), torch.zeros(0, dtype=torch.bool)
-    number = torch.from_numpy(winding.winding_number(points.numpy()))
     # Through a face, from its front to its back, the winding number grows by one.
+    number = torch.from_numpy(winding_numbers(winding, points.numpy(), (-1.5, -0.5, 0.5)))
     return number.abs() > 0.5, (number + 1).abs() > 0.5
