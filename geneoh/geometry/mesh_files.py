@@ -77,15 +77,17 @@ def plain_obj(path: Path) -> Mesh | None:
         return None
     try:
         lines = path.read_bytes().replace(b"\t", b" ").split(b"\n")
-        lines = [line for line in lines if line.strip() and not line.startswith(b"#")]
         points, corners = (
-            [ln.split() for ln in lines if ln[:2] == kind] for kind in (b"v ", b"f ")
+            b"\n".join(ln[2:] for ln in lines if ln[:2] == kind) for kind in (b"v ", b"f ")
         )
-        if len(points) + len(corners) < len(lines):
+        others = (line for line in lines if line[:2] not in (b"v ", b"f ") and line[:1] != b"#")
+        not_whole = corners.translate(None, b"0123456789 \r\n")
+        if not points or not corners or not_whole or any(map(bytes.strip, others)):
             return None
-        verts = np.array(points)[:, 1:].astype(np.float64).astype(np.float32)
-        faces = np.array(corners)[:, 1:].astype(np.int64) - 1
-    except (OSError, ValueError, IndexError, OverflowError):
+        # of a list of lines numpy decodes each by itself
+        verts = np.loadtxt(io.BytesIO(points), np.float64, None, ndmin=2).astype(np.float32)
+        faces = np.loadtxt(io.BytesIO(corners), np.int64, None, ndmin=2) - 1
+    except (OSError, ValueError, OverflowError):
         return None  # trimesh says what is wrong
     # trimesh leaves out vertices without a face
     every = np.array_equal(np.unique(faces), np.arange(len(verts)))

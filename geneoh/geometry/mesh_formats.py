@@ -80,7 +80,7 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
     for the last point: that is refused.
     """
     plain = data
-    if data.startswith(codecs.BOM_UTF8) or UNUSUAL.search(data) or BACKWARD.search(data):
+    if data.startswith(codecs.BOM_UTF8) or is_unusual(data) or BACKWARD.search(data):
         text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         plain = UNUSUAL.sub(told_plainly, text.replace(b"\\\n", b" "))
     if ZERO.search(plain):
@@ -100,6 +100,13 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
             each = (b"/".join(map(from_first, *corner)) for corner in corners)
             lines[at] = b"f " + b" ".join(each)
     return b"\n".join(lines)
+
+
+def is_unusual(data: bytes) -> bool:
+    """Whether an OBJ file has an unusual line; most have marks of one in their heading at most."""
+    heading, _, rest = data.partition(b"\nv ")
+    marked = any(mark in rest for mark in (b"#", b"\t", b"\r", b"\n "))
+    return bool(UNUSUAL.search(data if marked else heading + b"\n"))
 
 
 def told_plainly(line: re.Match[bytes]) -> bytes:

@@ -23,9 +23,10 @@ OUTSIDE = 1e-3
 def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
     """Points and faces of an OBJ file; None where all faces are triangles."""
     lines = data.replace(b"\r", b"").replace(b"\\\n", b" ").split(b"\n")
-    faces = [line[2:].split() for line in lines if line[:2] in (b"f ", b"f\t")]
-    if all(len(face) <= 3 for face in faces):
+    faces = [line for line in lines if line[:2] in (b"f ", b"f\t")]
+    if not any(len(line.split()) > 4 for line in faces if line.count(b" ") > 3 or b"\t" in line):
         return None
+    faces = [line[2:].split() for line in faces]
     corners = b" ".join(chain.from_iterable(faces))
     corners = re.sub(rb"/\S*", b"", corners) if b"/" in corners else corners
     points = [line[2:].split()[:3] for line in lines if line[:2] in (b"v ", b"v\t")]
