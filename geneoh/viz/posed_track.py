@@ -12,7 +12,6 @@ from torch import Tensor
 from geneoh.choices import Side
 from geneoh.errors import MissingAssetError
 from geneoh.fitting.subject import subject_of
-from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
@@ -67,9 +66,12 @@ class PosedTrack:
 
 
 def pose_track(
-    track: HandTrack, surface: MovingSurface | None, fps: float, mano_dir: Path | str | None = None
+    track: HandTrack,
+    distance_of: Callable[[Float[Tensor, "T V 3"]], Float[Tensor, "T V"]] | None,
+    fps: float,
+    mano_dir: Path | str | None = None,
 ) -> PosedTrack:
-    """The mesh of one track, of the embedded hand where the user has no MANO, at a surface."""
+    """The mesh of one track, of the embedded hand where the user has no MANO."""
     try:
         model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
     except MissingAssetError:
@@ -84,7 +86,6 @@ def pose_track(
         if left:
             verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
             pose = mirror_axis_angle(pose)
-        distance_of = None if surface is None else lambda verts: surface.query(verts).distance
         parameters = (track.side, model, pose, wrist, subject.betas)
         measured = (verts, joints, track.valid, fps, distance_of, track.joint_spread)
         return PosedTrack(*parameters, *measured)

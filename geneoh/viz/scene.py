@@ -1,7 +1,8 @@
 """What there is to see in one interaction: posed hands, the object, and their measures."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from torch import Tensor
 
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.errors import InputError
+from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
@@ -19,6 +21,7 @@ from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.validation import check_tracks
+from geneoh.sequence.windows import blocks
 from geneoh.viz.look import BODY_COLOUR, OBJECT_COLOUR, Colour, ramp_colours, ramp_position
 from geneoh.viz.mannequin import mannequin
 from geneoh.viz.posed_track import PosedTrack, pose_track
@@ -188,10 +191,10 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
-    surface = replace(last.object.surface(), within=EXACT_WITHIN) if last.object.meshes else None
+    distance_of = partial(_distances, cache(last.object.surface)) if last.object.meshes else None
     versions = []
     for name, sequence in sequences.items():
-        hands = [pose_track(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands]
+        hands = [pose_track(hand, distance_of, sequence.fps, mano_dir) for hand in sequence.hands]
         versions.append(Version(name, tuple(hands)))
     paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
         side: drawn[:, nearest_frames(drawn.shape[1], last.frames)]
@@ -199,6 +202,15 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
     return scene if body is None else with_body(scene, body)
+
+
+def _distances(
+    surface_of: Callable[[], MovingSurface], verts: Float[Tensor, "T V 3"]
+) -> Float[Tensor, "T V"]:
+    """`PosedTrack.distance` to a surface, which is built here: some formats need no distance."""
+    surface = replace(surface_of(), within=EXACT_WITHIN)
+    each = (surface.at(block).query(verts[block]) for block in blocks(len(verts)))
+    return torch.cat([found.distance for found in each])
 
 
 def refuse_lost_meshes(sequence: Sequence) -> None:
