@@ -7,6 +7,7 @@ where NVIDIA Warp is installed (extra `gpu`).
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -19,7 +20,7 @@ from torch import Tensor
 from geneoh.geometry.coarse_distance import CELLS, CoarseDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
-from geneoh.geometry.solid import as_arrays, build_solid
+from geneoh.geometry.solid import Solid, as_arrays, build_solid
 
 ON_SURFACE = 1e-7  # metres below which the direction to the surface is noise: its normal is used
 NEARLY_ON = 1e-5  # the same in float32
@@ -85,6 +86,14 @@ class SearchTree:
         return reach.to(points), face.clamp(min=0)
 
 
+@lru_cache(maxsize=2)
+def solid_with_tree(mesh: Mesh) -> tuple[Solid, SearchTree]:
+    """A mesh as a solid with the tree of its surface, kept because the smoothing of an
+    object's track, the hand, the page of the result and the next clip ask for the same again."""
+    solid = build_solid(mesh)
+    return solid, SearchTree(solid.surface)
+
+
 class SurfaceDistance:
     """Signed distance to one mesh, in its own frame; the search trees are built once and kept.
 
@@ -95,10 +104,11 @@ class SurfaceDistance:
     def __init__(self, mesh: Mesh) -> None:
         """Build the trees; seconds for 100,000 triangles and more."""
         self.mesh = mesh
-        self.solid = build_solid(mesh)
+        # of a copy, because a caller may change the numbers of a mesh in place
+        kept = Mesh(mesh.verts.detach().cpu().clone(), mesh.faces.cpu().clone(), mesh.source)
+        self.solid, self.tree = solid_with_tree(kept)
         self._normals = self.solid.surface.face_normals()
         self._on_devices: dict[torch.device, Any] = {}
-        self.tree = SearchTree(self.solid.surface)
         self._coarse: CoarseDistance | None = None
         self._asked = 0  # points so far for which a grid would have been of use
 

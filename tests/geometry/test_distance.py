@@ -56,6 +56,14 @@ def winding_number(point: np.ndarray, corners: np.ndarray) -> float:
     return total / (4 * np.pi)
 
 
+def test_a_mesh_that_comes_again_has_the_tree_of_before_until_it_changes():
+    mesh = from_trimesh(trimesh.creation.icosphere(2, radius=0.05))
+    again = from_trimesh(trimesh.creation.icosphere(2, radius=0.05))
+    assert SurfaceDistance(mesh).tree is SurfaceDistance(again).tree
+    mesh.verts.mul_(2)
+    assert SurfaceDistance(mesh).query(torch.zeros(1, 3)).distance.item() < -0.09
+
+
 def test_query_agrees_with_the_slow_twin():
     mesh = from_trimesh(trimesh.creation.torus(0.05, 0.02, major_sections=10, minor_sections=6))
     points = scattered(15, scale=0.07)
