@@ -33,9 +33,11 @@ def edge_keys(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "F 3"]:
     return torch.minimum(start, end) * (int(faces.max()) + 1) + torch.maximum(start, end)
 
 
-def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:
-    """The open edges, each from its start to its end, and the number of the opening each bounds."""
-    rim = open_edges(faces)
+def rims(
+    faces: Int[Tensor, "F 3"], rim: Bool[Tensor, "F 3"]
+) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:
+    """The open edges, each from its start to its end, and the number of the opening each bounds;
+    `rim` is what `open_edges` tells of the faces."""
     edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1)
     if not len(edges):
         return edges, edges[:, 0]
@@ -60,7 +62,7 @@ def capped(
     It closes the wrist of a MANO hand in the same way as TOCH. Every opening is closed, so it suits
     solids with holes, not sheets.
     """
-    edges, opening = rims(faces)
+    edges, opening = rims(faces, open_edges(faces))
     if not len(edges):
         return verts, faces
     middles = [

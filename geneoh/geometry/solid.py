@@ -196,8 +196,9 @@ def opening_caps(
     mesh: Mesh, patches: Int[Tensor, " F"], patch_area: Float[Tensor, " N"]
 ) -> dict[int, list[Float[Tensor, "C 3"]]]:
     """For each patch with large openings: points on both sides of each opening's cap."""
-    edges, chain = rims(mesh.faces)
-    owners = patches[:, None].expand(-1, 3)[open_edges(mesh.faces)]
+    rim = open_edges(mesh.faces)
+    edges, chain = rims(mesh.faces, rim)
+    owners = patches[:, None].expand(-1, 3)[rim]
     # Two patches may touch in a vertex, so loops are told apart by their patch as well.
     names, loops = torch.unique(chain * len(patch_area) + owners, return_inverse=True)
     start, end = mesh.verts.double()[edges].unbind(1)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance, pairwise_distances
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.openings import capped, rims
+from geneoh.geometry.openings import capped, open_edges, rims
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.solid import Solid
 
@@ -50,7 +50,7 @@ class OpenSolid:
 def with_holes(field: SurfaceDistance) -> OpenSolid:
     """The solid of a mesh with the balls around its holes."""
     surface = field.solid.surface
-    edges, hole = rims(surface.faces)
+    edges, hole = rims(surface.faces, open_edges(surface.faces))
     verts, centers, radius = surface.verts.double(), [], []
     for index in range(int(hole.max()) + 1 if len(hole) else 0):
         rim = verts[edges[hole == index, 0]]
