@@ -190,9 +190,18 @@ def ornstein_uhlenbeck(
 ) -> Float[Tensor, "*B T D"]:
     """White noise turned into unit-variance noise of a correlation time in frames."""
     stay = math.exp(-1 / frames)
-    steps = [white[..., 0, :]]
-    for t in range(1, white.shape[-2]):
-        steps.append(stay * steps[-1] + math.sqrt(1 - stay**2) * white[..., t, :])
+    return with_memory(white, stay, math.sqrt(1 - stay**2))
+
+
+def with_memory(
+    values: Float[Tensor, "*B T D"],
+    stay: Float[Tensor, "*B 1"] | float,
+    gain: Float[Tensor, "*B 1"] | float,
+) -> Float[Tensor, "*B T D"]:
+    """Each frame times `gain`, plus `stay` times the result of the frame before it."""
+    steps = [values[..., 0, :]]
+    for t in range(1, values.shape[-2]):
+        steps.append(stay * steps[-1] + gain * values[..., t, :])
     return torch.stack(steps, dim=-2)
 
 

@@ -17,6 +17,7 @@ from geneoh.bundle import Bundle
 from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import MIRROR
 from geneoh.representation.parameters import HandParameters
+from geneoh.sequence.noise import with_memory
 from geneoh.synthesis.draws import Draws
 
 CHANNELS = torch.tensor([3, 3, 45])
@@ -218,18 +219,8 @@ def _ornstein_uhlenbeck(
     white: Float[Tensor, "B T C"], correlation: Float[Tensor, " B"]
 ) -> Float[Tensor, "B T C"]:
     """Noise of unit variance with the given correlation time in frames, from white noise."""
-    stay = torch.exp(-1.0 / correlation)
-    return _with_memory(white, stay, (1 - stay**2).sqrt())
-
-
-def _with_memory(
-    values: Float[Tensor, "B T C"], stay: Float[Tensor, " B"], gain: Float[Tensor, " B"]
-) -> Float[Tensor, "B T C"]:
-    """Each frame times `gain`, plus `stay` times the result of the frame before it."""
-    steps, stay, gain = [values[:, 0]], stay[:, None], gain[:, None]
-    for t in range(1, values.shape[1]):
-        steps.append(stay * steps[-1] + gain * values[:, t])
-    return torch.stack(steps, dim=1)
+    stay = torch.exp(-1.0 / correlation)[:, None]
+    return with_memory(white, stay, (1 - stay**2).sqrt())
 
 
 def _one_sided(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
@@ -285,7 +276,7 @@ def _filtered(
     """Each frame mixed with the filtered one before it, as live trackers calm their answers."""
     if not memory.any():  # as by default, in every batch
         return values
-    return _with_memory(values, memory, 1 - memory)
+    return with_memory(values, memory[:, None], 1 - memory[:, None])
 
 
 def _observed(frames: int, config: CorruptionConfig, draws: Draws) -> Bool[Tensor, "B T"]:
