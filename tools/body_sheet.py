@@ -20,9 +20,9 @@ from geneoh.body.skeleton import Skeleton
 from geneoh.generators.both2hands.on_body import BodyOptions, BodyWithHands, generate_on_body
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.synthesis.gestures.clips import NAMES
-from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.shards import GestureConfig
 from geneoh.synthesis.gestures.synthesis import gesturing
+from geneoh.synthesis.gestures.variation import VARIANTS
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, Canvas
 from geneoh.viz.look import Look

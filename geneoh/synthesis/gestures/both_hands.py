@@ -12,17 +12,7 @@ from geneoh.choices import SIDES
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.clips import REST
-from geneoh.synthesis.gestures.hands import (
-    GestureTiming,
-    HandMotion,
-    HandSettings,
-    Variation,
-    draw_timing,
-    perform,
-    resting_hand,
-    stroke,
-    variation_of,
-)
+from geneoh.synthesis.gestures.hands import HandMotion, perform, resting_hand, stroke
 from geneoh.synthesis.gestures.one_handed import MIRRORED, ONE_HANDED
 from geneoh.synthesis.gestures.repertoire import (
     REST_SAYS,
@@ -33,6 +23,13 @@ from geneoh.synthesis.gestures.repertoire import (
 )
 from geneoh.synthesis.gestures.sentences import Doing
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
+from geneoh.synthesis.gestures.variation import (
+    GestureTiming,
+    HandSettings,
+    Variation,
+    draw_timing,
+    variation_of,
+)
 
 
 @dataclass(frozen=True)

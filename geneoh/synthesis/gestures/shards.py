@@ -12,12 +12,12 @@ from geneoh.config import check_limits
 from geneoh.files.tensors import all_tensors
 from geneoh.synthesis.data_config import ShardConfig
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
-from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.manipulation import ActionSource
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.stance import BODIES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing, handling
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
+from geneoh.synthesis.gestures.variation import VARIANTS
 from geneoh.synthesis.shards import find_shards, refuse_damage, whole_shard
 
 TEXTS = ("left", "right", "joined")

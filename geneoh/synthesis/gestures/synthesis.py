@@ -22,7 +22,6 @@ from geneoh.synthesis.gestures.both_hands import (
     gesture_motions,
 )
 from geneoh.synthesis.gestures.clips import NAMES, REST, Gestures
-from geneoh.synthesis.gestures.hands import HandSettings
 from geneoh.synthesis.gestures.manipulation import IN_REACH, MOST_BEND, doings, manipulating
 from geneoh.synthesis.gestures.repertoire import REST_SAYS, GestureShares
 from geneoh.synthesis.gestures.sentences import Doing, hand_sentence, joined_sentences
@@ -32,6 +31,7 @@ from geneoh.synthesis.gestures.stance import (
     draw_gait,
     standing_bodies,
 )
+from geneoh.synthesis.gestures.variation import HandSettings
 
 ARM = sum(
     float(embedded_skeleton().offsets[JOINT_NAMES.index(f"left_{name}")].norm())
