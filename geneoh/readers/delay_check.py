@@ -99,8 +99,8 @@ def wandering(
     for delay in delays:
         then = (np.arange(len(palm)) + delay).clip(0, len(palm) - 1)
         local = gaussian_filter1d((palm[then] - place) @ rotation, SMOOTHING * fps, axis=0)
-        found.append([len(f) * np.median(local[f].var(0).sum(-1)) for f in blocks])
-    return np.array(found).T
+        found.append([local[f].var(0).sum(-1) for f in blocks])
+    return np.median(found, axis=-1).T * np.array(list(map(len, blocks)))[:, None]
 
 
 def moves(palm: Array, turn: Array, shift: Array, fps: float) -> Array:

@@ -73,9 +73,9 @@ def nearest_on_parts(joints: Float[Tensor, "B T N 3"], surface: ObjectSurface) -
             continue
         turn = surface.rotation[some, :, index]
         shift = surface.translation[some, :, index, None]
-        # entries of other parts are replaced by a point of this part
-        pick = torch.arange(own.shape[1]).to(surface.part)
-        pick = torch.where(own, pick, own.int().argmax(1)[:, None])[some, :, None].expand(-1, -1, 3)
+        # its own points first; where others have more of them its first one again
+        pick = own.int().argsort(dim=1, descending=True, stable=True)[:, : int(own.sum(1).max())]
+        pick = torch.where(own.gather(1, pick), pick, pick[:, :1])[some, :, None].expand(-1, -1, 3)
         near, outward = nearest_points(
             ((joints[some] - shift) @ turn).flatten(1, 2),
             surface.points[some].gather(1, pick),
