@@ -6,46 +6,33 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call
-from geneoh.choices import Selection, Side
-from geneoh.denoisers.library import Denoisers, load_denoisers
-from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import fit_hand
+from geneoh.choices import Side
+from geneoh.denoisers.library import load_denoisers
 from geneoh.fitting.fit_config import FitConfig
-from geneoh.fitting.subject import Subject, subject_of
-from geneoh.fitting.terms import HandState
-from geneoh.fitting.twist import untwisted
-from geneoh.geometry.distance import MovingSurface
+from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas
-from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
-from geneoh.objects.carrying import carrier_of
-from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
-from geneoh.objects.palms import palm_of
 from geneoh.objects.refine import refine_object
-from geneoh.objects.sharpening import sharpened
+from geneoh.pipeline.examined import examined, trusted
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
 from geneoh.pipeline.fitted import FittedHand, kept_apart
+from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import with_found_rays
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.shots import common_shots, joined_shots, told_of
-from geneoh.pipeline.stage_run import StageRun
-from geneoh.progress import OnProgress, OnStep, timed
+from geneoh.progress import OnProgress
 from geneoh.readers.convention_check import doubts
-from geneoh.readers.delay_check import hand_delay
 from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.repeats import without_repeats
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -142,66 +129,55 @@ def clean_interaction(
     chosen = options.resolved()
     denoisers = load_denoisers(options.weights, device=options.device, paper=not chosen.observed)
     notes = [sequence.left_out] if sequence.left_out else []
-    motion, examined = sequence.object, None
+    motion = sequence.object
     if not motion.meshes or not motion.is_seen:
         motion = replace(motion, meshes=())
         chosen = chosen.alone()
         notes.append(NO_OBJECT)
         notes += [NOT_REFINED] if options.refine_object else ()
     notes += filled_poses(motion) if chosen.has_object else ()
-    evidence, undone = torch.ones(sequence.frames, 1), list[HandTrack]()
+    ready = trusted(sequence.hands, motion)
     if chosen.clean_object:
-        palms = tuple(map(palm_of, sequence.hands))
-        motion, repeated = without_repeats(motion)
-        motion, examined = clean_object(motion, sequence.fps, palms)
-        notes += repeated
-        notes += examined.sentences()
-        delays = tuple(hand_delay(hand, motion, sequence.fps) for hand in sequence.hands)
-        sharp = sharpened(sequence.hands, palms, delays, motion, examined, sequence.fps)
-        undone = [h for h, new in zip(sequence.hands, sharp.hands, strict=True) if new is not h]
-        sequence, motion = replace(sequence, hands=sharp.hands), sharp.object
-        notes += sharp.notes
-        relied = evidence_of_poses(examined, motion, sequence.fps, sharp.off)
-        evidence = relied[:, motion.seen_parts]
-    # a part that was never seen stands at the origin, where a hand must not meet it
-    met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
-    seen, said = with_found_rays(replace(sequence, object=met), chosen)
-    notes += said
+        ready = examined(sequence.hands, motion, sequence.fps)
+    sequence = replace(sequence, hands=ready.hands)
+    seen, said = with_found_rays(replace(sequence, object=ready.met), chosen)
+    notes += [*ready.notes, *said]
     normalised = normalised_hands(seen)
-    told = dict[Side, HandTrack]()
-    if undone:
-        as_told = normalised_hands(replace(seen, hands=tuple(undone)))
-        told = {hand.side: hand.track for hand in as_told}
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
-    fitted: list[FittedHand] = []
-    for hand in normalised:
-        relied = evidence[nearest_frames(sequence.frames, hand.track.frames)]
-        moved = hand.to(options.device)
-        found = _fitted(
-            moved,
-            told.get(hand.side),
-            _model(moved, options),
-            relied.to(options.device),
-            None if examined is None else examined.white_noise,
-            denoisers,
-            chosen,
-            options.seed,
-            on_progress,
-        )
-        fitted.append(found)
-    fitted, in_each_other = kept_apart(fitted)
+    examination = ready.examination
+    noise = None if examination is None else examination.white_noise
+    run = HandRun(denoisers, chosen, noise, options.seed, on_progress)
+    told = normalised_hands(replace(seen, hands=ready.undone)) if ready.undone else ()
+    fitted, in_each_other = kept_apart(_fitted(normalised, told, ready.relied, run, options))
     results: dict[Side, HandResult] = {
         hand.side: _as_given(found.result(), hand, sequence.hand(hand.side))
         for found, hand in zip(fitted, normalised, strict=True)
     }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
     kept = sequence.object
-    if options.refine_object and examined is not None:
-        kept = refine_object(motion, examined, hands, sequence.fps)
+    if options.refine_object and examination is not None:
+        kept = refine_object(ready.object, examination, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
-    return Denoised(clean, results, tuple(notes), options, examined, in_each_other)
+    return Denoised(clean, results, tuple(notes), options, examination, in_each_other)
+
+
+def _fitted(
+    hands: tuple[NormalisedHand, ...],
+    told: tuple[NormalisedHand, ...],
+    relied: Float[Tensor, "T Q"],
+    run: HandRun,
+    options: Options,
+) -> list[FittedHand]:
+    """Each hand after its fit, on the device of the options; see `HandRun.fitted`."""
+    tracks = {hand.side: hand.track for hand in told}
+    fitted: list[FittedHand] = []
+    for hand in hands:
+        moved = hand.to(options.device)
+        at = relied[nearest_frames(len(relied), hand.track.frames)].to(options.device)
+        fitted.append(run.fitted(moved, _model(moved, options), at, tracks.get(hand.side)))
+    return fitted
 
 
 def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> HandResult:
@@ -223,106 +199,3 @@ def _model(hand: NormalisedHand, options: Options) -> HandModel:
         hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
     )
     return hand.right_model(model)
-
-
-@torch.no_grad()
-def _fitted(
-    hand: NormalisedHand,
-    told: HandTrack | None,
-    model: HandModel,
-    relied: Float[Tensor, "N Q"],
-    object_noise: Float[Tensor, " 2"] | None,
-    denoisers: Denoisers,
-    chosen: Preset,
-    seed: int,
-    on_progress: OnProgress | None,
-) -> FittedHand:
-    """One normalised hand: three stages, selection, fit. Frames fall back to the hand alone by as
-    much as `relied`, how far the poses of the object's parts are relied on, is below 1. The report
-    is about the track that was `told`, where a filter was undone in it."""
-    generator = torch.Generator().manual_seed(seed)
-    surface = hand.object.surface() if hand.object.meshes else None
-    against = surface if chosen.has_object else None  # what the hand is cleaned against
-    carrier = None if against is None else carrier_of(hand.track, against, relied)
-    asked = subject_of(hand.track, model, carrier)
-    subject = untwisted(asked)
-    # MotionDiff starts from the parameters of the input
-    given = subject.parameters()
-    # the paper's stages know no skeleton
-    subject, seen = subject.in_own_skeleton(given) if chosen.observed else (subject, given)
-    subject = subject.completed(seen)
-    near = torch.full_like(relied[:, 0], float(against is not None))
-    poses = relied.amin(1)
-    if against is not None and chosen.clean_object:
-        poses = evidence_at_hand(relied, subject.joints, against)
-        near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
-    seconds: dict[str, float] = {}
-    progress_of = timed(on_progress, seconds)
-    stages = StageRun(denoisers, subject, seen, progress_of, generator)
-    ray = hand.track.camera_ray
-    samples, near = stages.relied_on(
-        surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
-    )
-    index, target = _select(samples, subject, chosen.selection)
-    on_step = progress_of("fit")
-    state, shaped, betas = _fit(target, subject, given, chosen, surface, near * poses, on_step)
-    if told is not None:
-        asked = subject_of(told.to(hand.track.valid.device), model, carrier)
-    before = given if asked.start is subject.start else asked.parameters()
-    return FittedHand(
-        hand=hand,
-        subject=subject,
-        given=before,
-        given_joints=subject.joints if told is None else asked.completed(before).joints,
-        preset=chosen,
-        surface=surface,
-        near=near,
-        poses=poses,
-        samples=samples,
-        chosen=index,
-        target=target,
-        state=state,
-        shaped=shaped,
-        betas=betas,
-        seconds=seconds,
-    )
-
-
-def _select(
-    samples: Float[Tensor, "S T 21 3"], subject: Subject, selection: Selection
-) -> tuple[int, Float[Tensor, "1 T 21 3"]]:
-    """The sample nearest to the input where it was seen, as in the paper, or the mean of all."""
-    if selection == "mean":
-        return -1, samples.mean(0, keepdim=True)
-    apart = ((samples - subject.joints).norm(dim=-1) * subject.trust).sum((1, 2))
-    index = int(apart.argmin())
-    return index, samples[index : index + 1]
-
-
-def _fit(
-    target: Float[Tensor, "1 T 21 3"],
-    subject: Subject,
-    given: HandState,
-    chosen: Preset,
-    surface: MovingSurface | None,
-    evidence: Float[Tensor, " T"],
-    on_step: OnStep,
-) -> tuple[HandState, ShapedHand, Tensor]:
-    """Hand parameters, shape and betas that are fitted to the target, from those of the input on.
-    Filled frames count like observed ones, because the stages have filled them."""
-    trust = torch.ones_like(target[..., 0])
-    model = subject.shaped.model
-    if isinstance(chosen.fit, AdamFitConfig):
-        state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
-        return state, model.shaped(betas[0]), betas[0]
-    state = fit_hand(
-        target,
-        trust,
-        subject.shaped,
-        given,
-        config=chosen.fit,
-        surface=surface if chosen.contact else None,
-        evidence=evidence,
-        on_step=on_step,
-    )
-    return state, subject.shaped, subject.betas

@@ -1,0 +1,146 @@
+"""One hand from its noisy track to its fit: the three stages, selection, hand parameters."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import Selection
+from geneoh.denoisers.library import Denoisers
+from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
+from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.subject import Subject, subject_of
+from geneoh.fitting.terms import HandState
+from geneoh.fitting.twist import untwisted
+from geneoh.geometry.distance import MovingSurface
+from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.objects.carrying import carrier_of
+from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
+from geneoh.pipeline.fitted import FittedHand
+from geneoh.pipeline.presets import Preset
+from geneoh.pipeline.stage_run import StageRun
+from geneoh.progress import OnProgress, OnStep, timed
+from geneoh.sequence.normalisation import NormalisedHand
+from geneoh.sequence.sequence import HandTrack
+
+
+@dataclass(frozen=True)
+class HandRun:
+    """What the hands of a sequence share while they are cleaned."""
+
+    denoisers: Denoisers
+    preset: Preset
+    object_noise: Float[Tensor, " 2"] | None
+    """White noise of the object's poses, radians and metres; None for an object that is trusted."""
+    seed: int
+    on_progress: OnProgress | None
+
+    @torch.no_grad()
+    def fitted(
+        self,
+        hand: NormalisedHand,
+        model: HandModel,
+        relied: Float[Tensor, "N Q"],
+        told: HandTrack | None,
+    ) -> FittedHand:
+        """One normalised hand after its stages and its fit. Frames fall back to the hand alone by
+        as much as `relied`, how far the poses of the object's parts are relied on, is below 1. The
+        report is about the track that was `told`, where a filter was undone in it."""
+        chosen = self.preset
+        surface = hand.object.surface() if hand.object.meshes else None
+        against = surface if chosen.has_object else None  # what the hand is cleaned against
+        carrier = None if against is None else carrier_of(hand.track, against, relied)
+        asked = subject_of(hand.track, model, carrier)
+        subject = untwisted(asked)
+        # MotionDiff starts from the parameters of the input
+        given = subject.parameters()
+        # the paper's stages know no skeleton
+        subject, seen = subject.in_own_skeleton(given) if chosen.observed else (subject, given)
+        subject = subject.completed(seen)
+        near, poses = _reliance(hand, subject, against, relied, chosen)
+        seconds: dict[str, float] = {}
+        progress_of = timed(self.on_progress, seconds)
+        generator = torch.Generator().manual_seed(self.seed)
+        stages = StageRun(self.denoisers, subject, seen, progress_of, generator)
+        ray, noise = hand.track.camera_ray, self.object_noise
+        samples, near = stages.relied_on(
+            surface, poses, near, chosen, hand.fps, ray=ray, object_noise=noise
+        )
+        index, target = _select(samples, subject, chosen.selection)
+        on_step = progress_of("fit")
+        state, shaped, betas = _fit(target, subject, given, chosen, surface, near * poses, on_step)
+        if told is not None:
+            asked = subject_of(told.to(hand.track.valid.device), model, carrier)
+        before = given if asked.start is subject.start else asked.parameters()
+        return FittedHand(
+            hand=hand,
+            subject=subject,
+            given=before,
+            given_joints=subject.joints if told is None else asked.completed(before).joints,
+            preset=chosen,
+            surface=surface,
+            near=near,
+            poses=poses,
+            samples=samples,
+            chosen=index,
+            target=target,
+            state=state,
+            shaped=shaped,
+            betas=betas,
+            seconds=seconds,
+        )
+
+
+def _reliance(
+    hand: NormalisedHand,
+    subject: Subject,
+    against: MovingSurface | None,
+    relied: Float[Tensor, "N Q"],
+    chosen: Preset,
+) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
+    """How far the hand seems to be at the object, and how far the poses near it are relied on."""
+    if against is None or not chosen.clean_object:
+        return torch.full_like(relied[:, 0], float(against is not None)), relied.amin(1)
+    near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
+    return near, evidence_at_hand(relied, subject.joints, against)
+
+
+def _select(
+    samples: Float[Tensor, "S T 21 3"], subject: Subject, selection: Selection
+) -> tuple[int, Float[Tensor, "1 T 21 3"]]:
+    """The sample nearest to the input where it was seen, as in the paper, or the mean of all."""
+    if selection == "mean":
+        return -1, samples.mean(0, keepdim=True)
+    apart = ((samples - subject.joints).norm(dim=-1) * subject.trust).sum((1, 2))
+    index = int(apart.argmin())
+    return index, samples[index : index + 1]
+
+
+def _fit(
+    target: Float[Tensor, "1 T 21 3"],
+    subject: Subject,
+    given: HandState,
+    chosen: Preset,
+    surface: MovingSurface | None,
+    evidence: Float[Tensor, " T"],
+    on_step: OnStep,
+) -> tuple[HandState, ShapedHand, Tensor]:
+    """Hand parameters, shape and betas that are fitted to the target, from those of the input on.
+    Filled frames count like observed ones, because the stages have filled them."""
+    trust = torch.ones_like(target[..., 0])
+    model = subject.shaped.model
+    if isinstance(chosen.fit, AdamFitConfig):
+        state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
+        return state, model.shaped(betas[0]), betas[0]
+    state = fit_hand(
+        target,
+        trust,
+        subject.shaped,
+        given,
+        config=chosen.fit,
+        surface=surface if chosen.contact else None,
+        evidence=evidence,
+        on_step=on_step,
+    )
+    return state, subject.shaped, subject.betas
