@@ -143,9 +143,9 @@ def frames_of(rows: list[Row]) -> list[float]:
 
 
 class Numbering:
-    """The order of points that have numbers in a table, which must be needed if it is said."""
+    """The order of points that have numbers, which must be needed if it is said."""
 
-    def __init__(self, order: JointOrder, path: Path) -> None:
+    def __init__(self, order: JointOrder, path: Path | str) -> None:
         self.path, self._order, self._used = path, order, False
         self._count, entries = ORDERS[order].count, ORDERS[order].entries
         self._points = {entry: point for point, entry in enumerate(entries)}
@@ -162,12 +162,21 @@ class Numbering:
             return point
         self._used = True
         if int(point) >= self._count:
-            raise InputError(
-                f"{self.path}: expected the {self._count} points of the order {self._order}, 0 to "
-                f"{self._count - 1}, got number {point}; name the order of the points "
-                "(--joint-order), such as openxr for the 26 of OpenXR, or keep those"
-            )
+            raise self._refusal(f"0 to {self._count - 1}, got number {point}")
         return self._points.get(int(point), "")
+
+    def refuse_other_count(self, count: int) -> None:
+        """Refuse a list of as many points as the order does not have."""
+        if count != self._count:
+            raise self._refusal(f"got a list of {count}")
+
+    def _refusal(self, got: str) -> InputError:
+        """The error for points of another order."""
+        return InputError(
+            f"{self.path}: expected the {self._count} points of the order {self._order}, {got}; "
+            "name the order of the points (--joint-order), such as openxr for the 26 of OpenXR, or "
+            "keep those"
+        )
 
     def refuse_unused(self) -> None:
         """Refuse an order of points that have names."""

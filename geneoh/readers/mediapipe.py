@@ -5,8 +5,9 @@ list, perhaps with the number of each frame, its time, or both (`geneoh.readers.
 landmarks are read in `geneoh.readers.landmark_tables`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, pairwise
 from operator import itemgetter
 from statistics import median
@@ -24,8 +25,8 @@ WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
 WORLD += ("multiHandWorldLandmarks", "world_landmarks")
 IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandmarks")
 HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
-LISTS = ("frames", "results")
-"""Names under which a file may list its results."""
+LISTS = ("frames", "results", "instance_info")
+"""Names under which a file may list its results; the last one is MMPose's."""
 OF_SIDE: dict[Side, tuple[str, str]] = {
     side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES
 }
@@ -77,15 +78,15 @@ class Landmarks:
 
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
     """The hands in the value of a JSON file; None where it is no result of MediaPipe."""
-    frames = _frames_in(value)
+    frames = frames_in(value)
     names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
     if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
         return None
-    tracks, notes = tracks_in(frames, where, side)
+    tracks, notes = tracks_in(frames, where, side, partial(hands_in, side=side))
     return Landmarks(tracks, (*NOTES, *notes), stamps_in(value, frames, where))
 
 
-def _frames_in(value: Any) -> list[Any]:
+def frames_in(value: Any) -> list[Any]:
     """The results in a JSON value, one a frame: in a list, or by numbers or times of their frames.
 
     Times are in whole milliseconds or smaller units. Each may stand under "result" beside its time.
@@ -95,9 +96,13 @@ def _frames_in(value: Any) -> list[Any]:
         given = sorted(numbers, key=itemgetter(0))
         steps = [after - before for (before, _), (after, _) in pairwise(given)]
         name = "timestamp" if steps and median(steps) > APART else "frame"
-        value = [{name: n, **result} for n, result in given if isinstance(result, dict)]
+        value = [
+            {name: n, **(result if isinstance(result, dict) else {"hands": result})}
+            for n, result in given
+        ]
     elif isinstance(value, dict):
-        value = next((value[name] for name in LISTS if name in value), [value])
+        lists = (value[name] for name in LISTS if isinstance(value.get(name), list))
+        value = next(lists, [value])
     return [
         {**frame, **frame["result"]}
         if isinstance(frame, dict) and isinstance(frame.get("result"), dict)
@@ -118,16 +123,23 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     return Record(where, stamps, "correct it, or leave it out")
 
 
-def tracks_in(frames: list[Any], where: str, side: Side | None) -> tuple[Tracks, Notes]:
-    """The hands in MediaPipe's results, and what was assumed of their sides; see `as_one_hand`."""
+def tracks_in(
+    frames: list[Any],
+    where: str,
+    side: Side | None,
+    hands_of: Callable[[Any, str], list["Detected"]],
+) -> tuple[Tracks, Notes]:
+    """The hands in results, and what was assumed of their sides; see `as_one_hand`.
+
+    `hands_of` gives those of one result, whose place in the file it gets for messages.
+    """
     most, alike = 0, 0
     found: Tracks = {}
     latest: dict[Side | None, Array] = {}
     for index, frame in enumerate(frames):
         if not frame:
             continue
-        record = as_record(frame, f"{where}: frame {index}")
-        hands = hands_in(record, side)
+        hands = hands_of(frame, f"{where}: frame {index}")
         most = max(most, len(hands))
         if len(hands) == 2 and hands[0].side == hands[1].side and hands[0].side is not None:
             hands, alike = _told_apart(hands, latest), alike + 1
@@ -151,8 +163,9 @@ class Detected:
     points: Array
 
 
-def hands_in(record: Record, side: Side | None) -> list[Detected]:
-    """The hands of one result; `side` is that of one that tells none."""
+def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
+    """The hands of one result of MediaPipe; `side` is that of one that tells none."""
+    record = as_record(frame, where)
     world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
     found = []
     for number, points in enumerate(world):
@@ -251,5 +264,6 @@ def image_landmarks(where: str) -> InputError:
     """The error for landmarks in shares of the picture."""
     return InputError(
         f"{where}: expected MediaPipe's world landmarks in metres, got landmarks of the picture, "
-        "which have no size; save hand_world_landmarks (worldLandmarks) of the same results"
+        "which have no size; save hand_world_landmarks (worldLandmarks, or keypoints3D of "
+        "TensorFlow.js) of the same results"
     )

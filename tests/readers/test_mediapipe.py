@@ -249,8 +249,8 @@ def test_landmarks_of_the_picture_are_refused(name, read):
 
 
 def test_other_json_is_refused_with_what_is_read(read):
-    with pytest.raises(InputError, match=r"worldLandmarks.*geneoh-landmarks.*'joints'"):
-        read({"joints": HAND.tolist()}, side="right")
+    with pytest.raises(InputError, match=r"worldLandmarks.*got 'bones' without any"):
+        read({"bones": HAND.tolist()}, side="right")
 
 
 def test_frames_of_a_stream_in_a_file_are_told_how_to_be_cleaned(read):
@@ -427,11 +427,13 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
 
 
 def test_a_frame_or_a_landmark_that_a_table_lacks_is_not_observed(read_table):
+    """All of a frame was lost where a single landmark was."""
     header, rows = long(NAMES)
     kept = [row for row in rows if row[1] != 12 and (row[1], row[2]) != (13, "PINKY_TIP")]
     (hand,) = read_table(header, kept).hands
     assert hand.side == "right"
-    assert hand.valid.tolist() == [True, True, False, False, True]
+    assert hand.valid.tolist() == [True, True, False, True, True]
+    assert (hand.confidence[hand.valid] == 0).nonzero().tolist() == [[2, 20]]
 
 
 @pytest.mark.parametrize("cell", ["1,052.3", "0,1052", "1 052.3", "x0"])
@@ -450,7 +452,7 @@ def test_a_cell_without_a_number_is_not_observed(cell, read_table):
     rows = [list(row) for row in rows]
     rows[1][header.index("z3")] = cell
     (hand,) = read_table(header, rows, side="right").hands
-    assert (~hand.joints.isfinite()).any(-1).any(-1).tolist()[1]
+    assert (hand.confidence == 0).nonzero().tolist() == [[1, 3]]
 
 
 def test_the_unit_of_a_table_can_be_said(read_table):

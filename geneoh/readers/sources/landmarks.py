@@ -1,8 +1,8 @@
 """Hand landmarks of MediaPipe, WebXR or OpenXR.
 
-MediaPipe's results as JSON are read as `geneoh.readers.mediapipe` says, tables of points as CSV as
-`geneoh.readers.landmark_tables` says. For the others there is no standard, so that we have our own
-small schema:
+MediaPipe's results as JSON are read as `geneoh.readers.mediapipe` says, other JSON with the points
+of hands as `geneoh.readers.json_hands` says, tables of points as CSV as
+`geneoh.readers.landmark_tables` says. JSON may also be in a small schema of our own:
 
     {"format": "geneoh-landmarks", "version": 1, "order": "openpose" | "webxr" | "openxr",
      "fps": 30, "camera": [0, 0, 0], "hands": {"right": [frame, ...], "left": [frame, ...]}}
@@ -14,10 +14,14 @@ out. "timestamps" or "frame_ids", one a frame, may stand beside "fps" or in its 
 (`geneoh.readers.clock`).
 """
 
+import re
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import torch
 
 from geneoh.choices import OTHER_SIDE, SIDES, JointOrder, Side
 from geneoh.errors import InputError
@@ -26,37 +30,51 @@ from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
+from geneoh.readers.json_hands import read_hands
 from geneoh.readers.landmark_tables import read_points
 from geneoh.readers.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
+from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_hands import side_of
 from geneoh.readers.npz_layouts import quoted
-from geneoh.readers.records import Record, as_record, float32
+from geneoh.readers.records import Record, as_record, described, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
+OF_OPENPOSE = re.compile(r".*?(\d+)_keypoints\.json")
+"""Name of a file of OpenPose, with the number of its frame."""
 SWAPPED_NOTE = "both hands are bent backward as of the sides that are named: sides are exchanged"
 AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
 
 
+def _clips(found: Iterable[Path], path: Path) -> Iterable[Path]:
+    """The files that are a clip each, and the folders of OpenPose, which writes a file a frame."""
+    files = [file for file in found if file == path or file.name not in JOURNALS]
+    inside = {f: f.parent for f in files if f != path and OF_OPENPOSE.fullmatch(f.name)}
+    return dict.fromkeys(inside.get(file, file) for file in files)
+
+
 @reads(
     *("*.json", "*.jsonl", "*.csv"),
-    choose=lambda found, path: (f for f in found if f == path or f.name not in JOURNALS),
+    choose=_clips,
     takes=("joint_order", "keypoint_unit", "object_pose"),
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     found = read_landmarks(clip.path, options.side, options.joint_order)
     scale = METRES[options.keypoint_unit or "m"]
-    hands = [
-        builders.hand_track(side, scale * track.points, track.confidence)
-        for side, track in found.tracks.items()
-        if side is not None
-    ]
+    hands, notes = [], list(found.notes)
+    for side, track in found.tracks.items():
+        assert side is not None, "with_sides gives each hand a side"
+        points, trust = torch.from_numpy(scale * track.points), float32(track.confidence)
+        joints, confidence, missed = without_missing(points, trust)
+        sure = None if confidence is None else confidence.numpy()
+        hands.append(builders.hand_track(side, joints.numpy(), sure))
+        notes += missed
     yield base.ClipParts(
         clip.path.name,
         hands,
         first=found.first,
         stamps=found.stamps,
-        notes=found.notes,
+        notes=tuple(notes),
         camera=None if found.camera is None else scale * found.camera,
     )
 
@@ -68,17 +86,34 @@ def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmark
     """
     if path.suffix.lower() == ".csv":
         return with_sides(read_points(path, side, order), str(path), side)
-    if order != "openpose":
+    value, where = read_value(path), str(path)
+    found = read_results(value, where, side)
+    if order != "openpose" and (found or is_own(value)):
         raise InputError(
-            f"{path}: --joint-order is for tables of numbered points (CSV) and for npy, got JSON, "
-            "which says its order; drop it"
+            f"{path}: --joint-order is for points in a list or with numbers, got JSON, which says "
+            "its order; drop it"
         )
-    value = foreign_files.read_json(path)
-    found = read_results(value, str(path), side)
-    return with_sides(found, str(path), side) if found else own_landmarks(value, str(path))
+    if found is None and not is_own(value):
+        found = read_hands(value, where, side, order)
+    return with_sides(found, where, side) if found else own_landmarks(value, where)
 
 
-def own_landmarks(value: object, where: str) -> Landmarks:
+def read_value(path: Path) -> Any:
+    """The value of a JSON file; of a folder of OpenPose's its frames by their numbers."""
+    if path.is_file():
+        return foreign_files.read_json(path)
+    named = ((OF_OPENPOSE.fullmatch(file.name), file) for file in sorted(path.iterdir()))
+    return {str(int(name[1])): foreign_files.read_json(file) for name, file in named if name}
+
+
+def is_own(value: Any) -> bool:
+    """Whether a JSON says that it is of our own schema, or holds the frames of a stream."""
+    first = value[0] if isinstance(value, list) and value else value
+    stream = {f"{side}_{name}" for side in SIDES for name in ("joints", "pose")}
+    return isinstance(first, dict) and bool({"format", *stream} & first.keys())
+
+
+def own_landmarks(value: Any, where: str) -> Landmarks:
     """The hands in a JSON of our own schema."""
     record = own_record(value, where)
     order = record.optional_text("order") or "openpose"
@@ -92,21 +127,21 @@ def own_landmarks(value: object, where: str) -> Landmarks:
     return Landmarks(tracks, (), record, camera=record.optional_array("camera", (3,)))
 
 
-def own_record(value: object, where: str) -> Record:
+def own_record(value: Any, where: str) -> Record:
     """The fields of a JSON of our own schema, of a version that is read."""
-    first = value[0] if isinstance(value, list) and value else None
-    if isinstance(first, dict) and {f"{side}_joints" for side in SIDES} & first.keys():
+    if is_own(value) and "format" not in value:
         raise InputError(
             f"{where}: these are frames of a stream; pipe them through geneoh denoise --stream, "
             "or save their fields in one npz (the page on the file format)"
         )
-    record = as_record(value, where, AS_DESCRIBED)
-    if "format" not in record:
+    if not is_own(value):
+        got = quoted(value) if isinstance(value, dict) else described(value)
         raise InputError(
-            f"{where}: expected results of MediaPipe (hand_world_landmarks or worldLandmarks), "
-            f"or '{FORMAT}' as its format, got {quoted(record.values)}; see the page on "
-            "estimators"
+            f"{where}: expected hands, as results of MediaPipe (hand_world_landmarks or "
+            "worldLandmarks) or frames with points by their names (wrist, thumb_cmc, ...), got "
+            f"{got} without any; see the page on estimators"
         )
+    record = as_record(value, where, AS_DESCRIBED)
     if record.text("format") != FORMAT:
         raise record.refuse("format", f"'{FORMAT}'")
     if record.finite("version") != VERSION:

@@ -1,0 +1,210 @@
+"""Hands in JSON whose points have names, or stand in a list."""
+
+import json
+
+import numpy as np
+import pytest
+from bad_inputs import good_arrays
+
+import geneoh
+from geneoh.errors import InputError
+from geneoh.readers.joint_orders import ORDERS
+
+NAMES = ["wrist", "thumb_cmc", "thumb_mcp", "thumb_ip", "thumb_tip"]
+NAMES += [
+    f"{finger}_finger_{joint}"
+    for finger in ("index", "middle", "ring", "pinky")
+    for joint in ("mcp", "pip", "dip", "tip")
+]
+"""Of TensorFlow.js, in OpenPose's order."""
+SEGMENTS = ("Knuckle", "IntermediateBase", "IntermediateTip", "Tip")
+ARKIT = ["forearmWrist", "wrist", *(f"thumb{name}" for name in SEGMENTS)]
+ARKIT += [f"{finger}Finger{name}" for finger in ("index", "middle", "ring") for name in SEGMENTS]
+ARKIT += [f"littleFinger{name}" for name in SEGMENTS]
+FRAMES = 4
+POINTS = good_arrays()["joints"][0].astype(float) + np.linspace(0, 0.1, FRAMES)[:, None, None]
+
+
+def xyz(point) -> dict[str, float]:
+    return dict(zip("xyz", map(float, point), strict=True))
+
+
+def tfjs(points, side="Right", **more):
+    """A hand of hand-pose-detection."""
+    named = [{**xyz(point), "name": name} for point, name in zip(points, NAMES, strict=True)]
+    flat = [{"x": 100.0, "y": 50.0, "name": name} for name in NAMES]
+    return {"keypoints": flat, "keypoints3D": named, "handedness": side, "score": 0.9, **more}
+
+
+def by_name(points, names=NAMES):
+    return dict(zip(names, np.asarray(points).tolist(), strict=True))
+
+
+def matrix(point) -> list[list[float]]:
+    """A 4x4 matrix as Swift writes it: a list of its columns."""
+    return [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [*point, 1.0]]
+
+
+def openpose(points):
+    """A file of OpenPose with --3d, of which a point of score 0 was not found."""
+    numbers = np.c_[points, np.ones(21)].ravel().tolist()
+    return {"people": [{"hand_left_keypoints_3d": [], "hand_right_keypoints_3d": numbers}]}
+
+
+FORMS = {
+    "tfjs": [[tfjs(points)] for points in POINTS],
+    "tfjs with times": [
+        {"timestamp": 1000 + 40 * k, "hands": [tfjs(points)]} for k, points in enumerate(POINTS)
+    ],
+    "tfjs by frames": {str(k): [tfjs(points)] for k, points in enumerate(POINTS)},
+    "one hand": [tfjs(points) for points in POINTS],
+    "by names": {"side": "right", "frames": [{"joints": by_name(points)} for points in POINTS]},
+    "by sides": [{"leftHand": None, "rightHand": by_name(points)} for points in POINTS],
+    "points in a list": [{"hands": [{"hand": "right", "points": p}]} for p in POINTS.tolist()],
+    "columns": {"side": "right", "joints": POINTS.tolist()},
+    "columns by sides": {"right": POINTS.tolist(), "left": [None] * FRAMES},
+    "columns by names": {"side": "right", **by_name(POINTS.swapaxes(0, 1))},
+    "arkit": [
+        {
+            "chirality": "right",
+            "joints": {
+                name: {"position": xyz(point)} for name, point in zip(ARKIT, points, strict=True)
+            },
+        }
+        for points in np.concatenate([POINTS[:, :1], POINTS], axis=1)
+    ],
+    "matrices": [
+        {"right": dict(zip(NAMES, map(matrix, points), strict=True))} for points in POINTS
+    ],
+    "openpose": [openpose(points) for points in POINTS],
+    "mmpose": {
+        "instance_info": [
+            {"frame_id": k + 1, "instances": [{"keypoints": p, "keypoint_scores": [0.5] * 21}]}
+            for k, p in enumerate(POINTS.tolist())
+        ]
+    },
+}
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Writes a value as JSON, and reads it."""
+
+    def through_file(value, **options):
+        (tmp_path / "hand.json").write_text(json.dumps(value))
+        return geneoh.load(tmp_path / "hand.json", **options)
+
+    return through_file
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_hand_is_read_in_every_form(form, read):
+    (hand,) = read(FORMS[form], side="right" if form == "mmpose" else None).hands
+    assert (hand.side, hand.valid.tolist()) == ("right", [True] * FRAMES)
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
+def test_points_of_tensorflow_are_about_the_centre_of_the_hand_and_others_are_not(read):
+    told = "about the centre of each hand"
+    assert told in read(FORMS["tfjs"]).source
+    assert told not in read(FORMS["by sides"]).source
+
+
+def test_times_scores_and_frames_without_a_hand_are_kept(read):
+    frames = [{"timestamp": 1000 + 40 * k, "hands": [tfjs(p)]} for k, p in enumerate(POINTS)]
+    frames[1]["hands"] = []
+    frames[2] = {"timestamp": 1080}
+    sequence = read(frames)
+    assert sequence.fps == pytest.approx(25)
+    assert sequence.hands[0].valid.tolist() == [True, False, False, True]
+    np.testing.assert_allclose(sequence.hands[0].confidence[0], 0.9)
+
+
+@pytest.mark.parametrize("empty", [None, [], {}, {"right": None}, {"hands": None}])
+def test_a_frame_without_a_hand_may_be_empty(empty, read):
+    frames = [{"right": by_name(points)} for points in POINTS]
+    assert read([*frames[:3], empty]).hands[0].valid.tolist() == [True, True, True, False]
+
+
+def test_points_that_were_not_found_count_for_nothing(read):
+    frames = [{"right": by_name(points)} for points in POINTS]
+    frames[1]["right"]["thumb_tip"] = None
+    frames[2]["right"]["index_finger_tip"] = [None, None, None]
+    hand = read(frames).hands[0]
+    assert bool(hand.valid.all())
+    arkit = json.loads(json.dumps(FORMS["arkit"]))
+    arkit[3]["joints"]["wrist"] = None  # beside a point that OpenPose's hand does not have
+    assert (read(arkit).hands[0].confidence == 0).nonzero().tolist() == [[3, 0]]
+    lost = [(k, p) for k in range(FRAMES) for p in range(21) if hand.confidence[k, p] == 0]
+    assert lost == [(1, 4), (2, 8)]
+    person = FORMS["openpose"][1]["people"][0]
+    numbers = [*person["hand_right_keypoints_3d"][:16], 0, 0, 0, 0]
+    numbers += person["hand_right_keypoints_3d"][20:]
+    hand = read([*FORMS["openpose"][:1], {"people": [{"hand_right_keypoints_3d": numbers}]}]).hands[
+        0
+    ]
+    assert (hand.confidence[1] == 0).nonzero().flatten().tolist() == [4]
+
+
+def test_a_list_of_points_may_be_in_another_order(read):
+    points = np.zeros((FRAMES, 26, 3))
+    points[:, ORDERS["openxr"].entries] = POINTS
+    frames = [{"right": each} for each in points.tolist()]
+    with pytest.raises(InputError, match=r"21 points of the order openpose, got a list of 26"):
+        read(frames)
+    np.testing.assert_allclose(
+        read(frames, joint_order="openxr").hands[0].joints, POINTS, atol=1e-6
+    )
+    with pytest.raises(InputError, match="points with names, which say their order"):
+        read(FORMS["by names"], joint_order="openxr")
+
+
+def test_a_folder_of_openpose_is_one_recording_with_the_frames_that_it_lacks(tmp_path):
+    for number, person in zip((0, 1, 3, 4), FORMS["openpose"], strict=True):
+        (tmp_path / f"video2_{number:012d}_keypoints.json").write_text(json.dumps(person))
+    (hand,) = geneoh.read("landmarks", tmp_path).hands
+    assert hand.valid.tolist() == [True, True, False, True, True]
+    np.testing.assert_allclose(hand.joints[hand.valid], POINTS, atol=1e-6)
+
+
+def test_hands_of_two_people_are_refused(read):
+    people = [openpose(points)["people"][0] for points in POINTS[:2]]
+    with pytest.raises(
+        InputError, match=r"frame 0: expected one hand of a side, got 2 right hands"
+    ):
+        read([{"people": people}])
+    with pytest.raises(InputError, match="got 2 hands without a side"):
+        read([{"hands": [by_name(POINTS[0]), by_name(POINTS[1])]}])
+
+
+def test_two_hands_of_tensorflow_that_have_one_side_are_told_apart(read):
+    mirrored = POINTS * [-1, 1, 1]
+    frames = [[tfjs(a), tfjs(b, "Left")] for a, b in zip(POINTS, mirrored, strict=True)]
+    frames[2][1]["handedness"] = "Right"
+    sequence = read(frames)
+    assert {hand.side for hand in sequence.hands} == {"left", "right"}
+    assert all(bool(hand.valid.all()) for hand in sequence.hands)
+    assert "in 1 frame both hands have one side" in sequence.source
+
+
+def test_names_that_are_no_points_are_told(read):
+    names = [name.replace("index_finger_tip", "pointer_end") for name in NAMES]
+    with pytest.raises(InputError, match=r"names of 21 points.*, got pointer_end; rename"):
+        read([{"right": by_name(points, names)} for points in POINTS])
+
+
+def test_points_of_the_picture_are_refused(read):
+    hands = [[tfjs(points)] for points in POINTS]
+    for (hand,) in hands:
+        del hand["keypoints3D"]
+    with pytest.raises(InputError, match=r"have no size; save .*keypoints3D of TensorFlow.js"):
+        read(hands)
+
+
+def test_what_holds_no_hand_is_refused(read):
+    nested = []
+    for _ in range(400):
+        nested = [nested]
+    for value in ([None, []], [], {"frames": 3}, [[1, 2], [3]], nested, {"right": "x"}, 7):
+        with pytest.raises(InputError, match=r"expected hands, .* without any; see the page"):
+            read(value, side="right")
