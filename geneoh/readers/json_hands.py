@@ -127,9 +127,9 @@ class _Frames:
         named = _points_by_name(value)
         if len(named) < FEWEST:
             return None
-        if isinstance(value, list) and all(map(str.isdecimal, named)):
+        if isinstance(value, list) and all(str(name).isdecimal() for name in named):
             self.numbering.refuse_other_count(len(named))
-        points = {name: self.numbering.point(words_of(name)) for name in named}
+        points = {name: self.numbering.point(words_of(str(name))) for name in named}
         found = np.full((21, 3), np.nan)
         for name, point in points.items():
             if isinstance(point, int):
@@ -226,7 +226,7 @@ def _are_flat(points: Any) -> bool:
 
 def _side_of(name: str) -> Side | None:
     """The side of the hand in a field whose name says nothing else."""
-    words = set(words_of(name)) - BESIDE_SIDE
+    words = set(words_of(str(name))) - BESIDE_SIDE
     return side_in(words) if len(words) == 1 and min(words, key=len) not in ("l", "r") else None
 
 
