@@ -32,6 +32,7 @@ class Source:
 
 IN_MODULE = {
     **{"grab_clips": "grab", "hoi4d_cases": "hoi4d", "taco_pickle": "taco", "oakink2": "oakink"},
+    "h2o3d": "ho3d",
     **dict.fromkeys(("arctic_processed", "arcticnet"), "arctic"),
     **dict.fromkeys(("keypoints", "parameters"), "bare_arrays"),
 }
@@ -57,6 +58,7 @@ dexycb | DexYCB | one hand, object | CC BY-NC 4.0 | dex-ycb.github.io
 hocap | HO-Cap | two hands, objects | see the site | irvlutd.github.io/HOCap
 hot3d | HOT3D | two hands, objects | see the site | facebookresearch.github.io/hot3d
 ho3d | HO-3D v3 | right hand, object | non-commercial research | github.com/shreyashampali/ho3d
+h2o3d | H2O-3D | two hands, object | non-commercial research | github.com/shreyashampali/ho3d
 oakink | OakInk, images | right hand, object | non-commercial research | oakink.net
 oakink2 | OakInk2 | two hands, objects | see the site | oakink.net/v2
 fphab | FPHAB with Hasson's fits | right hand, object | non-commercial research | \
@@ -65,6 +67,7 @@ both57m | BOTH57M | two hands on a body | CC BY-NC-SA 4.0 | github.com/Godherita
 hamer | HaMeR and WiLoR dumps | hands | HaMeR MIT, WiLoR CC BY-NC-ND 4.0 | \
 github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR
 hawor | HaWoR world results | two hands | CC BY-NC-ND 4.0 | github.com/ThunderVVV/HaWoR
+egoallo | EgoAllo results | two hands on a body | MIT | github.com/brentyi/egoallo
 aria | Aria MPS | hands | your own | facebookresearch.github.io/projectaria_tools
 landmarks | MediaPipe, WebXR or OpenXR landmarks | \
 hands (JSON, CSV; --side, --joint-order, --keypoint-unit) | \

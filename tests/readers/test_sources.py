@@ -9,6 +9,7 @@ import torch
 from trees import CASES, Case, Scene, cameras, opened, scene, written
 
 import geneoh
+from geneoh.errors import InputError
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.convert import convert
@@ -123,3 +124,10 @@ def test_the_caller_and_a_file_of_landmarks_say_where_the_camera_is(tmp_path):
         away = hand.joints[:, 0] - torch.tensor([0.0, 0.0, -1.0])
         torch.testing.assert_close(hand.camera_ray, torch.nn.functional.normalize(away, dim=-1))
         assert same.camera_ray.equal(hand.camera_ray)
+
+
+@pytest.mark.parametrize(("files", "asked"), [("ho3d", "h2o3d"), ("h2o3d", "ho3d")])
+def test_one_hand_and_two_of_one_group_are_told_apart(files, asked, tmp_path):
+    written(files, tmp_path)
+    with pytest.raises(InputError, match="choose ho3d for files of one hand, and h2o3d for those"):
+        geneoh.read(asked, tmp_path / "train")

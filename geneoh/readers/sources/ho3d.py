@@ -1,13 +1,15 @@
-"""HO-3D v3 as it is distributed: {train,evaluation}/{SEQ}/meta/{frame}.pkl.
+"""HO-3D v3 and H2O-3D as they are distributed: {train,evaluation}/{SEQ}/meta/{frame}.pkl.
 
-handPose (48,) absolute, handTrans (of MANO's origin), handBeta, handJoints3D in MANO's order,
-objRot (axis-angle), objTrans; right hand, metres, in OpenGL camera axes (y up, z backward), which
-become OpenCV's here. None means not annotated. Objects are YCB models. 30 frames a
-second.
+HO-3D has handPose (48,) absolute, handTrans (of MANO's origin), handBeta, handJoints3D in MANO's
+order, of a right hand; H2O-3D has rightHandPose, leftHandPose and so on, with one handBeta for both
+hands, the left one as shipped. Both have objRot (axis-angle) and objTrans. Metres, in OpenGL camera
+axes (y up, z backward), which become OpenCV's here. None means not annotated. Objects are YCB
+models. 30 frames a second.
 """
 
 import numpy as np
 
+from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.readers import base, builders, foreign_files, transforms
 from geneoh.readers.dataset_reader import reads
@@ -16,32 +18,80 @@ from geneoh.readers.records import Array, Record
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
+reads_metas = reads(
+    "meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",)
+)
 
-@reads("meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
+
+@reads_metas
 def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object, in the camera's frame."""
+    yield parts_of(clip, options, "HO-3D", {"right": "hand"})
+
+
+@reads_metas
+def h2o3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Both hands and the object, in the camera's frame."""
+    yield parts_of(clip, options, "H2O-3D", {"right": "rightHand", "left": "leftHand"})
+
+
+def parts_of(
+    clip: base.SourceClip, options: base.ReaderOptions, title: str, prefixes: dict[Side, str]
+) -> base.ClipParts:
+    """The hands whose fields have these prefixes, and the object."""
     files = foreign_files.numbered_files(clip.path / "meta", "*.pkl")
     records = {frame: foreign_files.read_record(path) for frame, path in files.items()}
     if not records:
         raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
     frames = max(records) + 1
-    pose, betas = field(records, "handPose", frames, 48), field(records, "handBeta", frames, 10)
-    betas = betas[np.isfinite(betas).all(1)]
-    joints = field(records, "handJoints3D", frames, 63).reshape(frames, 21, 3)
-    joints = joints[:, builders.OPENPOSE_FROM_MANO]
-    to_opencv = np.tile(np.eye(4), (frames, 1, 1))
-    to_opencv[:, :3, :3] = OPENCV_FROM_OPENGL
-    mean = betas.mean(0) if len(betas) else None
-    places = {"joints": builders.joints_if_complete(joints, pose), "to_world": to_opencv}
-    wrist = field(records, "handTrans", frames, 3)
-    hand = base.ManoParameters("right", pose, wrist, mean, **places)
+    wanted = {f"{prefix}{name}" for prefix in prefixes.values() for name in ("Pose", "Joints3D")}
+    if not any(wanted & record.values.keys() for record in records.values()):
+        raise InputError(
+            f"{clip.path}: expected the fields of {title}, such as {min(wanted)}, got frames "
+            "without them; choose ho3d for files of one hand, and h2o3d for those of two"
+        )
+    hands = [hand_of(records, frames, side, prefix) for side, prefix in prefixes.items()]
     turn = transforms.rotation_matrices(field(records, "objRot", frames, 3))
     name = object_name(records)
     folder = options.objects or base.ancestor(clip.path, 2) / "models"
-    motion = to_opencv @ transforms.rigid_matrices(turn, field(records, "objTrans", frames, 3))
-    checks = base.CrossChecks({"right": joints @ OPENCV_FROM_OPENGL})
+    motion = transforms.rigid_matrices(turn, field(records, "objTrans", frames, 3))
+    checks = base.CrossChecks(
+        {
+            side: stored_joints(records, frames, prefix) @ OPENCV_FROM_OPENGL
+            for side, prefix in prefixes.items()
+        }
+    )
     meshes = {f"ho3d_{name}": find_mesh([folder / name / "textured_simple.obj"], name)}
-    yield base.ClipParts(f"HO-3D {clip.name}", [hand], meshes, motion, cross_checks=checks)
+    motion = to_opencv(frames) @ motion
+    return base.ClipParts(f"{title} {clip.name}", hands, meshes, motion, cross_checks=checks)
+
+
+def hand_of(
+    records: dict[int, Record], frames: int, side: Side, prefix: str
+) -> base.ManoParameters:
+    """One hand, with the mean of the betas of its frames."""
+    pose = field(records, f"{prefix}Pose", frames, 48)
+    betas = field(records, "handBeta", frames, 10)
+    betas = betas[np.isfinite(betas).all(1)]
+    joints = builders.joints_if_complete(stored_joints(records, frames, prefix), pose)
+    places = {"joints": joints, "to_world": to_opencv(frames)}
+    mean = betas.mean(0) if len(betas) else None
+    return base.ManoParameters(
+        side, pose, field(records, f"{prefix}Trans", frames, 3), mean, **places
+    )
+
+
+def stored_joints(records: dict[int, Record], frames: int, prefix: str) -> Array:
+    """(T, 21, 3) stored keypoints in OpenPose's order, in OpenGL's axes."""
+    joints = field(records, f"{prefix}Joints3D", frames, 63).reshape(frames, 21, 3)
+    return joints[:, builders.OPENPOSE_FROM_MANO]
+
+
+def to_opencv(frames: int) -> Array:
+    """(T, 4, 4) from the camera's axes of OpenGL to those of OpenCV."""
+    matrices = np.tile(np.eye(4), (frames, 1, 1))
+    matrices[:, :3, :3] = OPENCV_FROM_OPENGL
+    return matrices
 
 
 def field(records: dict[int, Record], name: str, frames: int, count: int) -> Array:
@@ -53,7 +103,7 @@ def field(records: dict[int, Record], name: str, frames: int, count: int) -> Arr
         values = record.numbers(name).ravel()
         if len(values) == count:
             found[frame] = values
-        elif name != "handJoints3D" or len(values) != 3:
+        elif not name.endswith("Joints3D") or len(values) != 3:
             raise record.refuse(name, f"{count} numbers")
     return foreign_files.by_frame(found, frames, count)
 

@@ -215,8 +215,9 @@ def oakink2(root: Path, s: Scene, wrong: bool) -> None:
     write_mesh(folder / "scan.obj", s.verts, s.faces)
 
 
-def both57m(root: Path, s: Scene, wrong: bool) -> None:
-    """A body of which the pelvis moves like the object, and the wrists stand where hands are."""
+def write_body(path: Path, s: Scene, rest_root: np.ndarray) -> np.ndarray:
+    """An SMPL-H model and a body of it, of which the pelvis moves like the object, and the wrists
+    stand where hands are: (T, 21, 3) axis-angle of its joints but the pelvis."""
     places = np.random.default_rng(2).normal(0, 0.2, (52, 3))
     places[0] = 0
     body = np.zeros((s.frames, 21, 3))
@@ -228,11 +229,41 @@ def both57m(root: Path, s: Scene, wrong: bool) -> None:
         for base in range(first, first + 15, 3):
             parents += [wrist, base, base + 1]
     fields = {
-        "v_template": places,
+        "v_template": places + rest_root,
         "J_regressor": scipy.sparse.csc_matrix(np.eye(52)),
         "kintree_table": np.array([parents, range(52)], dtype=np.int64),
     }
-    dump(root / "SMPLH_MALE.pkl", fields, 2)
+    dump(path, fields, 2)
+    return body
+
+
+def egoallo(root: Path, s: Scene, wrong: bool) -> None:
+    """One sample of a body whose place is that of its pelvis."""
+    body = write_body(root / "SMPLH_NEUTRAL.pkl", s, np.array([0.0, -0.2, 0.1]))
+
+    def quaternions(rotvecs: np.ndarray) -> np.ndarray:
+        flat = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_quat()[:, [3, 0, 1, 2]]
+        return flat.reshape(1, *rotvecs.shape[:-1], 4)
+
+    first, second = ("right", "left") if wrong else ("left", "right")
+    folder = root / "trajectory/egoallo_outputs"
+    folder.mkdir(parents=True)
+    np.savez(
+        folder / "20260109-220017_0-64.npz",
+        Ts_world_cpf=np.zeros((s.frames, 7)),
+        Ts_world_root=np.concatenate([quaternions(vectors(s.rotation)), s.shift[None]], axis=-1),
+        body_quats=quaternions(body),
+        left_hand_quats=quaternions(s.pose[first][:, 1:]),
+        right_hand_quats=quaternions(s.pose[second][:, 1:]),
+        contacts=np.zeros((1, s.frames, 21)),
+        betas=np.zeros((1, s.frames, 16)),
+        frame_nums=np.arange(s.frames),
+        timestamps_ns=10**12 + np.arange(s.frames) * 10**9 // 30,
+    )
+
+
+def both57m(root: Path, s: Scene, wrong: bool) -> None:
+    body = write_body(root / "SMPLH_MALE.pkl", s, np.zeros(3))
     first, second = ("right", "left") if wrong else ("left", "right")
     clip = {
         "trans": s.shift,

@@ -236,22 +236,34 @@ def hot3d(root: Path, s: Scene, wrong: bool) -> None:
 
 
 def ho3d(root: Path, s: Scene, wrong: bool) -> None:
+    write_metas(root, s, wrong, {"right": "hand"})
+
+
+def h2o3d(root: Path, s: Scene, wrong: bool) -> None:
+    """One shape for both hands, in the fields of HO-3D but for their names."""
+    write_metas(root, of_one_subject(s), wrong, {"right": "rightHand", "left": "leftHand"})
+
+
+def write_metas(root: Path, s: Scene, wrong: bool, prefixes: dict[str, str]) -> None:
+    """A pickle for each frame, in the axes of OpenGL."""
     gl = np.diag([1.0, -1.0, -1.0])
-    offset = 0 if wrong else s.mano["right"].wrist_offset(s.betas["right"], "as shipped")
-    orient = vectors(gl @ turns(s.pose["right"][:, 0]))
-    joints = (s.joints["right"] @ gl)[:, np.argsort(OPENPOSE_FROM_MANO)]
     for t in range(s.frames):
         fields = {
-            "handPose": np.concatenate([orient[t], flat(s.pose["right"])[t, 3:]]),
-            "handTrans": gl @ s.wrist["right"][t] - offset,
             "handBeta": s.betas["right"],
-            "handJoints3D": joints[t],
             "objRot": vectors(gl @ s.rotation[t])[:, None],
             "objTrans": gl @ s.shift[t],
             "objName": "025_mug",
             "objLabel": 14,
             "camMat": np.eye(3),
         }
+        for side, prefix in prefixes.items():
+            offset = 0 if wrong else s.mano[side].wrist_offset(s.betas[side], "as shipped")
+            orient = vectors(gl @ turns(s.pose[side][t : t + 1, 0]))[0]
+            fields |= {
+                f"{prefix}Pose": np.concatenate([orient, flat(s.pose[side])[t, 3:]]),
+                f"{prefix}Trans": gl @ s.wrist[side][t] - offset,
+                f"{prefix}Joints3D": (s.joints[side][t] @ gl)[np.argsort(OPENPOSE_FROM_MANO)],
+            }
         dump(root / f"train/ABF10/meta/{t:04d}.pkl", fields, 2)
     write_mesh(root / "models/025_mug/textured_simple.obj", s.verts, s.faces)
 
