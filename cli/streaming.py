@@ -296,5 +296,7 @@ def _fields_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
         for name, values in arrays.items():
             shared = name.endswith("_betas")
             found[name] = np.round(np.float64(values if shared else values[0]), DECIMALS).tolist()
+        if frame.contact is not None:
+            found[f"{side}_finger_contact"] = np.round(frame.contact.numpy(), DECIMALS).tolist()
         found["hand_model"] = frame.hand.hand_model
     return {**found, **poses}

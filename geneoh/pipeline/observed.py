@@ -1,14 +1,25 @@
-"""One frame of a stream as it is known, and what lies between two of them."""
+"""One frame of a stream, as it is known and clean, and what lies between two of them."""
 
 from dataclasses import dataclass, replace
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.bundle import FRAMES, concatenated
 from geneoh.sequence.gaps import FrameInterpolation, blendable
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 DIGITS = 9  # decimals kept of places between frames, so that frames which coincide are found
+
+
+@dataclass(frozen=True)
+class CleanHand:
+    """One frame of a clean hand."""
+
+    track: HandTrack
+    contact: Float[Tensor, " 5"] | None
+    """Probability that each finger touches the object, from the thumb; None without an object."""
 
 
 def lost_like(hand: HandTrack) -> HandTrack:
@@ -61,6 +72,15 @@ def hand_between(
         return near
     both = blendable(concatenated([before, after]))
     return instant(fraction).hand(both, both.valid[:1] if near is before else both.valid[1:])
+
+
+def clean_between(
+    before: CleanHand | None, after: CleanHand | None, fraction: float
+) -> tuple[HandTrack | None, Float[Tensor, " 5"] | None]:
+    """The clean hand between two neighbouring frames, and which of its fingers touch."""
+    hand = hand_between(before and before.track, after and after.track, fraction)
+    known = [each.contact for each in (before, after) if each and each.contact is not None]
+    return hand, known[0].lerp(known[-1], fraction) if known and hand is not None else None
 
 
 def instant(fraction: float) -> FrameInterpolation:

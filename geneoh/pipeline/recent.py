@@ -6,6 +6,7 @@ already, so that no seam shows.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -26,12 +27,13 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_at
 from geneoh.pipeline.faults import without_faults_of
-from geneoh.pipeline.observed import Observed, lost_like
+from geneoh.pipeline.observed import CleanHand, Observed, lost_like
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import FoundRay, found_ray
 from geneoh.pipeline.recent_place import ChangingShift, RecentRun
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
+from geneoh.pipeline.touch import finger_contact, fingers_apart
 from geneoh.progress import timed
 from geneoh.sequence.gaps import fill_gaps, fill_object
 from geneoh.sequence.normalisation import NETWORK_FPS
@@ -74,15 +76,16 @@ class RecentHand:
         self._motion: ObjectTrack | None = None
         still = model.template.new_zeros(chosen.samples, 1, 3)
         self._place = ChangingShift(still, still)
-        self._ready: deque[HandTrack | None] = deque()
+        self._ready: deque[CleanHand | None] = deque()
         self._pushed = self._done = self._observed = 0
+        self._near = 0.0  # how far the hand has dealt with the object yet
         self._shape: Subject | None = None
         self._found: FoundRay | None = None
         self._out: HandState | None = None
         self._given: tuple[int, HandState] | None = None
         self._target: tuple[int, Tensor] | None = None
 
-    def push(self, frame: Observed) -> HandTrack | None:
+    def push(self, frame: Observed) -> CleanHand | None:
         """Take the next frame and give the one that is `lag` older; None where there is none yet,
         or no hand was seen in the two seconds before."""
         self._new.append(frame)
@@ -93,7 +96,7 @@ class RecentHand:
             self._clean(min(self._done + HOP, self._pushed))
         return self._ready.popleft() if due > 0 else None
 
-    def flush(self) -> list[HandTrack | None]:
+    def flush(self) -> list[CleanHand | None]:
         """All frames that are still to come."""
         if self._pushed > self._done:
             self._clean(self._pushed)
@@ -141,7 +144,13 @@ class RecentHand:
         new = slice(self._done - first, stop - first)
         spread = joint_spread(samples, alone=1 - evidence)[new] if len(samples) > 1 else None
         made = clean_track(state, joints, subject.betas, self._model.name, spread)
-        self._ready.extend(made[frame : frame + 1] for frame in range(stop - self._done))
+        contact: Sequence[Tensor | None] = [None] * made.frames
+        if surface is not None:
+            self._near = max(self._near, float(near.max()))
+            apart = fingers_apart(state.verts(subject.shaped)[0], surface.at(new), self._model)
+            contact = list(finger_contact(apart, spread, self._near * poses[new]))
+        frames = enumerate(contact)
+        self._ready.extend(CleanHand(made[at : at + 1], touch) for at, touch in frames)
         self._done = stop
 
     def _window(self) -> tuple[HandTrack | None, ObjectTrack]:

@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
+from jaxtyping import Float
+from torch import Tensor
+
 from geneoh.choices import Side
 from geneoh.config import as_field_type
 from geneoh.denoisers.library import load_denoisers
@@ -20,7 +23,7 @@ from geneoh.nn.devices import named_device
 from geneoh.pipeline.first_look import FirstLook
 from geneoh.pipeline.frame_reader import FrameReader
 from geneoh.pipeline.inputs import refuse_meshes
-from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
+from geneoh.pipeline.observed import DIGITS, CleanHand, Observed, between, clean_between
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.recent import RecentHand
@@ -51,6 +54,9 @@ class CleanFrame:
     in the two seconds before the newest frame that was pushed, which is `lag` after this one."""
     filled: bool
     """Whether the input had no hand in this frame."""
+    contact: Float[Tensor, " 5"] | None = None
+    """Probability that each finger touches the object, from the thumb to the little finger; None
+    without a hand or an object. It is 0.5 where nothing tells, as until the hand comes near it."""
 
 
 class Stream:
@@ -205,7 +211,7 @@ class Stream:
         self._since: Observed | None = None
         self._reader = self._reads()
         self._lost: deque[bool] = deque()
-        self._clean: deque[HandTrack | None] = deque()
+        self._clean: deque[CleanHand | None] = deque()
         self._count = self._taken = self._given = self._dropped = 0
 
     def _inward(self, seen: Observed) -> Observed:
@@ -234,9 +240,10 @@ class Stream:
             self._clean.popleft()
             self._dropped += 1
         after = self._clean[min(1, len(self._clean) - 1)]
-        hand = hand_between(self._clean[0], after, min(place - self._dropped, 1.0))
+        hand, contact = clean_between(self._clean[0], after, min(place - self._dropped, 1.0))
         hand = None if hand is None else self._other_side(hand).to("cpu")
-        frame = CleanFrame(self._given, hand, self._lost.popleft())
+        contact = None if contact is None else contact.cpu()
+        frame = CleanFrame(self._given, hand, self._lost.popleft(), contact)
         self._given += 1
         return frame
 

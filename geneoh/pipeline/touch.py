@@ -1,9 +1,12 @@
 """Which fingers touch the object, as a probability: how far they are off, and how sure that is."""
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import FINGERS, KEYPOINT_FINGERS, TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
@@ -38,6 +41,17 @@ def finger_contact(
     usual = torch.full_like(distance, USUAL_SPREAD)
     tips = usual if spread is None else spread[:, sorted(TIP_KEYPOINTS)]
     return 0.5 + evidence[:, None] * (finger_touch(distance, tips) - 0.5)
+
+
+def fingers_apart(
+    verts: Float[Tensor, "T V 3"], surface: MovingSurface, model: HandModel
+) -> Float[Tensor, "T 5"]:
+    """Distance of each finger's nearest skin to the object, metres, negative inside, exact up to
+    `REACH`; fingers in the order of the keypoints. Every second vertex stands for the skin."""
+    fingers = [finger[::2] for finger in verts_of_fingers(model)]
+    query = replace(surface, within=REACH).query(verts[:, torch.cat(fingers)])
+    parts = query.distance.split([len(finger) for finger in fingers], dim=-1)
+    return torch.stack([part.amin(-1) for part in parts], dim=-1)
 
 
 def finger_touch(

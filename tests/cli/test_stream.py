@@ -79,6 +79,7 @@ def test_every_line_comes_out_once_with_its_pose(stream, lines):
         assert line["object_rotation"] == given["object_rotation"]
         assert np.shape(line["right_joints"]) == (21, 3)
         assert np.shape(line["right_joint_spread"]) == (21,)
+        assert np.shape(line["right_finger_contact"]) == (5,)
         assert line["right_filled"] is False
 
 

@@ -99,6 +99,25 @@ def test_a_hand_that_stays_away_is_none_and_comes_back(noisy, unmoved):
     assert False in hands
 
 
+@pytest.mark.parametrize("fps", [30.0, 50.0])
+def test_fingers_that_touch_are_told_as_of_a_whole_track(clean, unmoved, fps):
+    """`denoise` told them, and a stream did not."""
+    clip = replace(clean[:60], fps=fps)
+    found = pushed(Stream(clip.object.meshes, fps, side="left"), clip)
+    told = torch.stack([frame.contact for frame in found])
+    whole = geneoh.denoise(clip, geneoh.Options(preset="fast")).hands["left"].contact
+    assert 0.2 < float((whole > 0.5).float().mean()) < 0.9
+    assert float(((told > 0.5) == (whole > 0.5)).float().mean()) > 0.9
+    assert not told.isnan().any()
+
+
+def test_where_there_is_no_object_or_no_hand_no_finger_touches(noisy, unmoved):
+    clip = noisy[:10]
+    assert all(frame.contact is None for frame in pushed(Stream((), side="left"), clip))
+    frames = pushed(Stream(noisy.object.meshes, side="left"), clip, lost=tuple(range(10)))
+    assert all(frame.contact is None for frame in frames)
+
+
 @pytest.mark.parametrize("lag", [0.1, 0.3, 1.0])
 def test_a_lost_hand_is_filled_for_two_seconds_less_the_lag(noisy, unmoved, lag):
     stream, track = Stream((), lag=lag, side="left"), noisy.hands[0]
