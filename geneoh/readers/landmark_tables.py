@@ -60,7 +60,13 @@ def read_points(
 
     `order` is that of numbered points.
     """
-    rows, names = read_rows(path)
+    return points_in_rows(*read_rows(path), path, side, order)
+
+
+def points_in_rows(
+    rows: list[Row], names: list[str], path: Path, side: Side | None, order: JointOrder
+) -> mediapipe.Landmarks:
+    """As `read_points`, in rows with the cells of these names."""
     frames = frames_of(rows)
     numbered_as = Numbering(order, path)
     columns = point_columns(names, numbered_as)
@@ -98,6 +104,20 @@ def read_rows(path: Path) -> tuple[list[Row], list[str]]:
             return [with_points(row, separator, path) for row in table], names
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
+
+
+def as_rows(value: Any) -> tuple[list[Row], list[str]] | None:
+    """The rows of a table that is a JSON list of dicts without lists, as pandas writes it, and the
+    names of its columns; None where the value is no such list, or has no column of coordinates."""
+    value = value if isinstance(value, list) else []
+    rows = [row for row in value if isinstance(row, dict)]
+    names = list(dict.fromkeys(str(name) for row in rows for name in row))
+    nested = any(isinstance(cell, list | dict) for row in rows for cell in row.values())
+    if nested or len(rows) != len(value) or not any(map(coordinate_in, names)):
+        return None
+    told = [{str(name): cell for name, cell in row.items()} for row in rows]
+    texts = [["" if row.get(name) is None else str(row[name]) for name in names] for row in told]
+    return [dict(zip(names, cells, strict=True)) for cells in texts], names
 
 
 def with_points(row: Row, separator: str, path: Path) -> Row:
@@ -202,6 +222,11 @@ def point_columns(names: list[str], numbering: Numbering) -> dict[str, Column]:
         if isinstance(point, int):
             found[name] = (side_in(at.of), point, "xyz".index(at.axis))
     sides = {side for side, _, _ in found.values()}
+    if names and all(number_in(name) == number_in(name) for name in names):
+        raise InputError(
+            f"{numbering.path}: expected a table with a heading, got numbers in its first line; "
+            "name the columns, such as WRIST_x to PINKY_TIP_z, or save the points as npy"
+        )
     if not found or len(set(found.values())) != 63 * len(sides):
         raise InputError(
             f"{numbering.path}: expected a table of landmarks: the columns x0, y0, z0 to z20 or "

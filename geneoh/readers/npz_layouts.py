@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, shortened
 from geneoh.files.npz import read_archive
@@ -63,6 +65,9 @@ MARKS: dict[Layout, tuple[str, ...]] = {
 BODY_MARKS = (("body_pose",), ("pose_body",), ("poses", "trans"))
 """Fields of bodies, under smplx's names or in AMASS."""
 
+POSE_NAMES = ("pose", "poses", "theta", "thetas", "fullpose", "full_pose", "mano_pose")
+"""What programs call MANO's orientation and fingers in one field."""
+
 BODY_LEFT_OUT = (
     "the body that the hands belong to is left out: its arms would not meet hands that have moved"
 )
@@ -98,6 +103,12 @@ def layout_of(record: Record) -> Layout:
     if "joints" in record and not found["smplx"]:
         found["joints"] = ["joints"]
     found = {layout: names for layout, names in found.items() if names}
+    if not found and (pose := next((name for name in POSE_NAMES if is_of_hand(record, name)), "")):
+        raise InputError(
+            f"{record.where}: '{pose}' must be called global_orient and hand_pose, beside transl "
+            "(smplx), got MANO's parameters by another name; rename them, or call them 'pose' and "
+            "'trans' and pass --from parameters with --translation wrist or origin"
+        )
     bodies = [name for name in BODY_MARKS if all(part in record for part in name)]
     if bodies and found.keys() <= {"smplx"} and "hand_pose" not in record:
         raise InputError(
@@ -118,6 +129,12 @@ def layout_of(record: Record) -> Layout:
         f"{record.where}: the hand must come in one layout, got the fields of {len(found)}; "
         f"remove {choices}"
     )
+
+
+def is_of_hand(record: Record, name: str) -> bool:
+    """Whether a field has the 48 numbers or 16 turns of MANO's pose in each frame."""
+    value = record.values.get(name)
+    return isinstance(value, np.ndarray) and value.shape[1:] in ((48,), (16, 3))
 
 
 def refuse_other_format(record: Record) -> None:

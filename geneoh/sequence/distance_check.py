@@ -1,5 +1,6 @@
 """Whether a hand is within reach of its object in some frame, and what may be wrong if not."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import torch
@@ -14,6 +15,11 @@ FARTHEST_HAND = 0.5
 """Largest distance in metres between the object's bounding ball and the wrist in the frame in which
 they are nearest."""
 
+ALIKE = 0.02
+"""Metres within which two readings that bring the wrist near are told both."""
+SCALES = (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001)
+"""Of lengths between metres, centimetres and millimetres."""
+
 WRIST_FROM_ORIGIN = 0.15
 """Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
 
@@ -22,24 +28,38 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: other units, another frame, other object."""
     nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
-        remedies = []
-        if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
-            remedies.append(
-                f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
-                "world to object; invert them to object to world"
-            )
-        if least_distance(in_other_axes(hand), motion) < FARTHEST_HAND:
-            remedies.append(
-                "with y and z negated it comes near: hand and object seem to be in the axes of "
-                "OpenCV and OpenGL; negate y and z of the hand"
-            )
-        remedy = "; or ".join(remedies) or (
+        tried = [(gap, words) for gap, words in other_readings(hand, motion) if gap < FARTHEST_HAND]
+        best = min(gap for gap, _ in tried) if tried else 0.0
+        remedy = "; or ".join(words for gap, words in tried if gap < best + ALIKE) or (
             "check that both are in metres and in the same frame, and that the object's poses are "
             "given (--object-pose)"
         )
         raise InputError(
             f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
             f"{nearest:.3g} m away from it; {remedy}"
+        )
+
+
+def other_readings(hand: HandTrack, motion: ObjectTrack) -> Iterator[tuple[float, str]]:
+    """Metres from the wrist to the object, 0 inside, as other readings of the same numbers have it;
+    and what to do where one of them is right."""
+    gap = max(least_distance(hand, inverted(motion)), 0.0)
+    yield (
+        gap,
+        f"inverted, the object's poses bring it to {gap:.2g} m: they seem to be "
+        "world to object; invert them to object to world",
+    )
+    yield (
+        max(least_distance(in_other_axes(hand), motion), 0.0),
+        "with y and z negated it comes near: hand and object seem to be in the axes of "
+        "OpenCV and OpenGL; negate y and z of the hand",
+    )
+    for scale in SCALES:
+        scaled = replace(motion, translation=scale * motion.translation)
+        yield (
+            max(least_distance(hand, scaled), 0.0),
+            f"with the translations of the object's poses times {scale:g} it comes near: give them "
+            "in the unit of the hand (--keypoint-unit is that of both)",
         )
 
 

@@ -201,6 +201,18 @@ def test_points_of_the_picture_are_refused(read):
         read(hands)
 
 
+def test_rows_of_a_table_as_pandas_writes_them_are_read(read):
+    columns = [f"left_{name}_{axis}" for name in NAMES for axis in "xyz"]
+    numbers = zip(range(FRAMES), POINTS.reshape(FRAMES, 63).tolist(), strict=True)
+    rows = [{"frame": k + 3, **dict(zip(columns, row, strict=True))} for k, row in numbers]
+    rows[1][columns[12]] = None
+    (hand,) = read(rows).hands
+    assert hand.side == "left"
+    assert (hand.confidence == 0).nonzero().tolist() == [[1, 4]]
+    known = hand.confidence > 0
+    np.testing.assert_allclose(hand.joints[known], POINTS[known.numpy()], atol=1e-6)
+
+
 def test_what_holds_no_hand_is_refused(read):
     nested = []
     for _ in range(400):

@@ -488,3 +488,10 @@ def test_a_npy_of_keypoints_is_read_without_a_source(tmp_path):
     np.save(tmp_path / "hand.npy", POINTS)
     (hand,) = geneoh.load(tmp_path / "hand.npy", side="right", object_pose=POSES).hands
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
+def test_a_table_without_a_heading_is_told(tmp_path):
+    """Its first row was taken for the names of its columns."""
+    np.savetxt(tmp_path / "hand.csv", POINTS.reshape(FRAMES, 63), delimiter=",")
+    with pytest.raises(InputError, match="a table with a heading, got numbers in its first line"):
+        geneoh.load(tmp_path / "hand.csv", side="right")

@@ -247,6 +247,8 @@ def test_a_body_under_the_names_of_smplx_is_no_hand():
         read(body)
     with pytest.raises(InputError, match=r"got a body \('poses', 'trans'\).*generate --body"):
         read({"poses": np.zeros((T, 165)), "trans": PLACE})  # of AMASS
+    with pytest.raises(InputError, match=r"'poses' must be called .*--from parameters"):
+        read({"poses": np.zeros((T, 48)), "trans": PLACE})  # a hand was called a body
     hand = {**SMPLX, "body_pose": np.zeros((T, 63))}  # a field that is left alone
     assert only(read(hand, side="right")).pose is not None
 

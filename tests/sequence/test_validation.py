@@ -119,6 +119,15 @@ def test_a_far_object_whose_inverse_poses_are_near_is_said_to_be_inverted():
         check_sequence(replace(GOOD, hands=(hand,), object=far))
 
 
+@pytest.mark.parametrize("scale", [1000.0, 100.0, 0.001])
+def test_poses_in_another_unit_are_told_by_what_brings_the_hand_near(scale):
+    shift = torch.tensor([0.3, 0.9, 2.0])
+    hand = replace(HAND, joints=HAND.joints + shift)
+    motion = replace(OBJECT, translation=scale * shift.expand(FRAMES, 1, 3))
+    with pytest.raises(InputError, match=f"times {1 / scale:g} it comes near: give them in the"):
+        check_sequence(replace(GOOD, hands=(hand,), object=motion))
+
+
 def test_a_hand_in_the_axes_of_opengl_is_told_as_one():
     shift = torch.tensor([0.0, 0.2, 2.0])
     hand = replace(HAND, joints=(HAND.joints + shift) * torch.tensor([1.0, -1.0, -1.0]))

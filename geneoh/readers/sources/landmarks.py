@@ -31,7 +31,7 @@ from geneoh.readers import base, builders, foreign_files, joint_orders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.json_hands import read_hands
-from geneoh.readers.landmark_tables import read_points
+from geneoh.readers.landmark_tables import as_rows, points_in_rows, read_points
 from geneoh.readers.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_hands import side_of
@@ -94,7 +94,9 @@ def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmark
             "its order; drop it"
         )
     if found is None and not is_own(value):
-        found = read_hands(value, where, side, order)
+        table = as_rows(value)
+        found = points_in_rows(*table, path, side, order) if table else None
+        found = found or read_hands(value, where, side, order)
     return with_sides(found, where, side) if found else own_landmarks(value, where)
 
 
