@@ -69,8 +69,8 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     )
     if exchanged:
         yield (
-            f"{HANDEDNESS} the fingers of both hands curl away from their palms; unless they are "
-            "flat, the left hand is called right and the right one left: exchange the two names; "
+            f"{HANDEDNESS} thumbs and fingers of both hands curl away from their palms; the left "
+            "hand is called right and the right one left: exchange the two names; "
             f"or they are {MIRRORED}"
         )
     for side, told in about.items():

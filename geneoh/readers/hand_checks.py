@@ -39,8 +39,11 @@ MIRRORED = (
     "in left-handed axes, as Unity and Unreal have: negate one coordinate of all points and meshes"
 )
 """How such sentences end: from keypoints a mirrored scene is a hand of the other side."""
-CURL_LIMIT = 0.1
-"""Share of the palm's length that fingers may bend backward at their tips."""
+THUMB_IP = 3
+"""Keypoint of the thumb's last joint, which is on the side of the palm however fingers are bent."""
+BEHIND_LIMIT = 0.05
+"""Share of the palm's length that thumb and fingers may be behind the palm. Hands of their own side
+have them before it by more, under every noise, so that those of the other side are told."""
 
 
 def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
@@ -100,9 +103,9 @@ def check_keypoint_order(joints: Float[Tensor, "N 21 3"], side: Side) -> Iterato
         )
     elif curls_backward(joints, side):
         yield (
-            f"{HANDEDNESS} the fingers curl away from the palm; unless the hand is flat, these are "
-            f"points of the other hand: pass --side {OTHER_SIDE[side]} or correct the side that is "
-            f"stated; or they are {MIRRORED}"
+            f"{HANDEDNESS} thumb and fingers curl away from the palm; these seem to be points of "
+            f"the other hand: pass --side {OTHER_SIDE[side]} or correct the side that is stated; "
+            f"or they are {MIRRORED}"
         )
 
 
@@ -114,8 +117,11 @@ def of_picture(points: Array) -> bool:
 
 
 def curls_backward(joints: Float[Tensor, "T 21 3"], side: Side) -> bool:
-    """Whether the fingers of a hand curl away from its palm, as those of the other side do."""
-    return bool(finger_curls(joints, side).nanmean() < -CURL_LIMIT * palm_length(joints))
+    """Whether fingers and thumb are behind the palm, as those of the other side are: fingertips
+    from their knuckles, which count half, and the thumb's last joint from the wrist."""
+    thumb = ((joints[:, THUMB_IP] - joints[:, 0]) * palm_normals(joints, side)).sum(-1)
+    before = (finger_curls(joints, side) / 2 + thumb).nanmean()
+    return bool(before < -BEHIND_LIMIT * palm_length(joints))
 
 
 def palm_length(joints: Float[Tensor, "T 21 3"]) -> float:
@@ -123,11 +129,16 @@ def palm_length(joints: Float[Tensor, "T 21 3"]) -> float:
     return float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian())
 
 
+def palm_normals(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, "T 3"]:
+    """The palm's inner normal, unit."""
+    palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
+    return torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
+
+
 def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
     """Mean metres from knuckles to tips along the palm's inner normal; NaN does not count."""
-    palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
-    palm = torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
-    return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).nanmean(-1)
+    normals = palm_normals(joints, side)[:, None]
+    return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * normals).sum(-1).nanmean(-1)
 
 
 def check_finger_bend(pose: Float[Tensor, "N 16 3"], side: Side) -> Iterator[str]:

@@ -143,6 +143,18 @@ def own_layout(folder: Path) -> None:
     (folder / "out.npz").rename(folder / "hand.npz")
 
 
+def left_handed_axes(folder: Path) -> None:
+    """The recording as a program of Unity has it."""
+    recorded()(folder)
+    flip = np.array([1.0, 1.0, -1.0], np.float32)
+    with np.load(folder / "hand.npz") as file:
+        fields = dict(file)
+    fields["joints"] = fields["joints"] * flip
+    fields["object_rotation"] = fields["object_rotation"] * flip * flip[:, None]
+    fields["object_translation"] = fields["object_translation"] * flip
+    np.savez(folder / "hand.npz", **fields)
+
+
 SITUATIONS = [
     # The file
     Situation(
@@ -170,6 +182,12 @@ SITUATIONS = [
         "The side is the wrong one",
         "handedness ... --side left",
         recorded(side="right"),
+        code=0,
+    ),
+    Situation(
+        "Left-handed axes, as of Unity",
+        "as Unity and Unreal have: negate one coordinate",
+        left_handed_axes,
         code=0,
     ),
     Situation(

@@ -54,7 +54,9 @@ def test_what_a_file_is_warned_of_a_stream_is_told_after_two_seconds(seen, chang
 
 
 def test_the_other_side_is_told(seen):
-    assert any("handedness: the fingers curl away" in words for words in seen(side="right")[1])
+    assert any(
+        "handedness: thumb and fingers curl away" in words for words in seen(side="right")[1]
+    )
 
 
 def test_a_late_hand_is_told_without_an_option_that_no_stream_has(clean):
@@ -76,7 +78,7 @@ def test_an_order_of_the_keypoints_is_refused_after_ten_frames(seen):
 
 
 def test_poses_in_millimetres_are_refused_at_the_end_of_the_look(seen):
-    words = "the left hand must come near the object, .* given$"
+    words = r"the left hand must come near the object, .* times 0\.001 .* in the unit of the hand$"
     for frames, where in ((90, "frame 59"), (5, "the end")):
         with pytest.raises(InputError, match=f"^{where}: {words}"):
             seen(lambda j, r, t: (j, r, 1000 * t), frames=frames)

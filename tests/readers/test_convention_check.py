@@ -1,6 +1,7 @@
 """What the self-test says, and what it must not say."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,21 @@ import trees
 from scipy.spatial.transform import Rotation
 from trees import FRAMES, scene
 
+from geneoh.choices import NOISES
+from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.mesh_files import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions, doubts
-from geneoh.readers.hand_checks import MIDDLE_JOINTS, check_depth, trusted_joints
+from geneoh.readers.hand_checks import (
+    MIDDLE_JOINTS,
+    check_depth,
+    check_keypoint_order,
+    trusted_joints,
+)
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
+from geneoh.seeds import seeded_generator
+from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -47,6 +57,26 @@ def test_keypoints_in_the_axes_of_unity_are_told_of():
     (said,) = doubts(replace(sequence, hands=(keys,), object=alone), "taco")
     assert "left-handed axes, as Unity" in said
     assert "negate one coordinate" in said
+
+
+@pytest.mark.parametrize("noise", ["clean", *NOISES])
+@pytest.mark.parametrize("family", ["recording", "scissors", "capsule", "carton"])
+def test_a_mirrored_hand_is_told_under_every_noise_and_no_other_one(family, noise):
+    """By the fingers alone, hands that stretch them were taken for mirrored ones, and mirrored ones
+    were not told where noise bends them."""
+    clean = load(EXAMPLES / "taco_clean.npz") if family == "recording" else made(family)
+    generator = seeded_generator("mirrored", family, noise)
+    noisy = clean if noise == "clean" else corrupt_sequence(clean, noise, generator=generator)
+    hand = noisy.hands[0]
+    joints = trusted_joints(hand)
+    assert list(check_keypoint_order(joints, hand.side)) == []
+    (said,) = check_keypoint_order(joints * torch.tensor([1.0, 1.0, -1.0]), hand.side)
+    assert "left-handed axes, as Unity" in said
+
+
+@cache
+def made(family):
+    return draw_clip(family, 9000, 60)
 
 
 def test_keypoints_without_confidence_raise_no_doubt():
