@@ -65,6 +65,11 @@ def got_instead(data: bytes) -> str:
         return "a gzip file; unpack it with gunzip"
     if data.startswith((b"\x89PNG", b"\xff\xd8\xff", b"%PDF", b"GIF8")) or data[4:8] == b"ftyp":
         return "a picture, film or document; give the 3D hands that a tracker found in it"
+    if data.startswith((b"HIERARCHY", b"Kaydara FBX", b"glTF")):
+        return (
+            "an animated skeleton; export the places of the hand's joints in the world, frame by "
+            "frame, as CSV or JSON with their names"
+        )
     return "something else; save the arrays with numpy.savez"
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from geneoh.choices import Side
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
-UNIT = re.compile(r"\s*[\[(](\w*)[^])]*[\])]")
+UNIT = re.compile(r"\s*[\[(](?!\d+[\])])(\w*)[^])]*[\])]")
+"""A unit in brackets, in which a number is that of a point, as in `poses[3]`."""
 AXIS = re.compile(r"(p|pos|t|q|r|rot)?([xyzw])")
 """The last word of a coordinate's name, perhaps with what is measured in front of the axis."""
 OF_PLACES = {"p", "pos", "position", "t", "trans", "translation", "location"}
@@ -19,7 +20,7 @@ OF_TURNS = {"q", "quat", "quaternion", "r", "rot", "rotation", "orientation"}
 SIDE_WORDS: dict[str, Side] = {"left": "left", "l": "left", "lh": "left"}
 SIDE_WORDS |= {"right": "right", "r": "right", "rh": "right"}
 FILLERS = {"xr", "hand", "joint", "ext", "finger", "phalanx", "landmark", "keypoint", "point"}
-FILLERS |= {"bone", "root", "id"}
+FILLERS |= {"bone", "root", "id", "field", "poses", "points", "joints", "landmarks", "keypoints"}
 """Words beside the name of a point that say nothing of which it is."""
 FINGERS = {"thumb": 0, "index": 1, "middle": 2, "ring": 3, "little": 4, "pinky": 4}
 SEGMENTS = ("metacarpal", "proximal", "intermediate", "distal", "tip")

@@ -151,9 +151,21 @@ def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
     return next((column for _, column in columns_called(rows[0] if rows else (), names)), None)
 
 
+def frame_column(rows: list[Row]) -> str | None:
+    """The column with the numbers of frames; ROS calls the name of a frame of reference so, too."""
+    called = columns_called(rows[0] if rows else (), FRAME_COLUMNS)
+    numbered = (name for _, name in called if any(is_number(row[name]) for row in rows))
+    return next(numbered, None)
+
+
+def is_number(cell: str | None) -> bool:
+    """Whether a cell holds a finite number."""
+    return bool(np.isfinite(number_in(cell or "")))
+
+
 def frames_of(rows: list[Row]) -> list[float]:
     """The frame of each row: by its number, else by its time, else one for each row."""
-    if name := column_of(rows, FRAME_COLUMNS):
+    if name := frame_column(rows):
         return [number_in(row[name] or "") for row in rows]
     if name := column_of(rows, TIME_NAMES):
         times = np.array([number_in(row[name] or "") for row in rows])
@@ -246,7 +258,7 @@ def cells_of(
 ) -> Iterable[Cell]:
     """Every coordinate in a table of the 21 points; `side` is that of rows that say none."""
     long = any(point is None for _, point, _ in columns.values())
-    timed = column_of(rows, (*FRAME_COLUMNS, *TIME_NAMES)) is not None
+    timed = (frame_column(rows) or column_of(rows, TIME_NAMES)) is not None
     naming, saying = column_of(rows, POINT_COLUMNS), column_of(rows, SIDE_COLUMNS)
     path = numbering.path
     for line, (row, frame) in enumerate(zip(rows, frames, strict=True)):

@@ -18,6 +18,7 @@ import numpy as np
 from geneoh.choices import OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.readers.clock import CLOCK_NAMES
+from geneoh.readers.column_names import side_in, words_of
 from geneoh.readers.hand_checks import of_picture
 from geneoh.readers.records import Array, Notes, Record, as_record
 
@@ -248,10 +249,10 @@ def label_of(value: Any) -> tuple[Side | None, float]:
     while isinstance(value, list) and value:
         value = value[0]
     named = value if isinstance(value, Mapping) else {}
-    text = str(next((named[name] for name in LABELS if named.get(name)), value)).lower()
+    text = str(next((named[name] for name in LABELS if named.get(name)), value))
     score = named.get("score")
     sure = score if isinstance(score, float | int) and 0 < score <= 1 else 1.0
-    return next((side for side in SIDES if side == text), None), float(sure)
+    return side_in(words_of(text)), float(sure)
 
 
 def refuse_image_landmarks(points: Array, where: str) -> None:

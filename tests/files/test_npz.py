@@ -175,6 +175,7 @@ def test_a_header_that_is_no_python_literal_is_refused(tmp_path):
         ),
         (b"\n<!DOCTYPE html>\n<html>", "a web page; give the file itself"),
         (b"\x1f\x8b\x08\x00", "a gzip file; unpack it"),
+        (b"HIERARCHY\nROOT Hips", "an animated skeleton; export the places of the hand.s joints"),
         (b"\x89PNG\r\n", "a picture, film or document; give the 3D hands"),
         (b"\0\0\0\x20ftypisom", "a picture, film or document; give the 3D hands"),
     ],

@@ -187,6 +187,12 @@ def test_two_hands_of_tensorflow_that_have_one_side_are_told_apart(read):
     assert "in 1 frame both hands have one side" in sequence.source
 
 
+@pytest.mark.parametrize("said", ["R", "right", "RightHand", "hand_r", "RIGHT"])
+def test_a_side_may_be_written_in_any_way(said, read):
+    frames = [{"side": said, "points": points} for points in POINTS.tolist()]
+    assert read(frames).hands[0].side == "right"
+
+
 def test_names_that_are_no_points_are_told(read):
     names = [name.replace("index_finger_tip", "pointer_end") for name in NAMES]
     with pytest.raises(InputError, match=r"names of 21 points.*, got pointer_end; rename"):

@@ -495,3 +495,22 @@ def test_a_table_without_a_heading_is_told(tmp_path):
     np.savetxt(tmp_path / "hand.csv", POINTS.reshape(FRAMES, 63), delimiter=",")
     with pytest.raises(InputError, match="a table with a heading, got numbers in its first line"):
         geneoh.load(tmp_path / "hand.csv", side="right")
+
+
+@pytest.mark.parametrize(
+    "form", [".poses[{}].position.{}", "field.poses{}.position.{}", "poses_{}.position.{}"]
+)
+def test_tables_of_bags_of_ros_are_read(form, read_table):
+    """Of geometry_msgs/PoseArray, by rosbag, rostopic and bagpy."""
+    axes = [(point, axis) for point in range(21) for axis in "xyz"]
+    names = [form.format(*each) for each in axes]
+    turns = [name.replace("position", "orientation") for name in names]
+    start = 1_700_000_000_000_000_000
+    rows = [
+        [start + round(1e9 * k / 30), k, "camera", *POINTS[k].ravel(), *np.zeros(63)]
+        for k in range(FRAMES)
+    ]
+    header = ["%time", "header.seq", "header.frame_id", *names, *turns]
+    sequence = read_table(header, rows, side="right")
+    np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
+    assert sequence.fps == pytest.approx(30)
