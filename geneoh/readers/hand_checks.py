@@ -39,11 +39,13 @@ MIRRORED = (
     "in left-handed axes, as Unity and Unreal have: negate one coordinate of all points and meshes"
 )
 """How such sentences end: from keypoints a mirrored scene is a hand of the other side."""
-THUMB_IP = 3
-"""Keypoint of the thumb's last joint, which is on the side of the palm however fingers are bent."""
+THUMB_JOINTS = [2, 3]
+"""Keypoints of the thumb that are on the side of the palm, however fingers are bent."""
+MIDDLE_POINTS = [knuckle + 1 for knuckle in KNUCKLES]
+"""Keypoints of the four fingers' middle joints."""
 BEHIND_LIMIT = 0.05
-"""Share of the palm's length that thumb and fingers may be behind the palm. Hands of their own side
-have them before it by more, under every noise, so that those of the other side are told."""
+"""Of `palm_side`, beyond which a hand is of the other side: those of their own side are above it
+under every noise, and those of the other side below it as far."""
 
 
 def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
@@ -117,11 +119,30 @@ def of_picture(points: Array) -> bool:
 
 
 def curls_backward(joints: Float[Tensor, "T 21 3"], side: Side) -> bool:
-    """Whether fingers and thumb are behind the palm, as those of the other side are: fingertips
-    from their knuckles, which count half, and the thumb's last joint from the wrist."""
-    thumb = ((joints[:, THUMB_IP] - joints[:, 0]) * palm_normals(joints, side)).sum(-1)
-    before = (finger_curls(joints, side) / 2 + thumb).nanmean()
-    return bool(before < -BEHIND_LIMIT * palm_length(joints))
+    """Whether fingers and thumb are behind the palm, as those of the other side are."""
+    return palm_side(joints, side) < -BEHIND_LIMIT
+
+
+def palm_side(joints: Float[Tensor, "T 21 3"], side: Side) -> float:
+    """How far fingers and thumb are before the palm: the sine by which middle joints bend, half of
+    the fingertips' way from their knuckles, and the thumb's way from the wrist, in palm lengths.
+
+    Alone, none of them tells hands that stretch their fingers or their thumb, under noise.
+    """
+    normals = palm_normals(joints, side)[:, None]
+    thumb = ((joints[:, THUMB_JOINTS] - joints[:, :1]) * normals).sum(-1).nanmean(-1)
+    height = (finger_curls(joints, side) / 2 + thumb).nanmean() / palm_length(joints)
+    return float(height + middle_bend(joints, side).nanmean())
+
+
+def middle_bend(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
+    """Mean sine by which the middle joints of the four fingers bend to the palm."""
+    middle = joints[:, MIDDLE_POINTS]
+    before, after = middle - joints[:, KNUCKLES], joints[:, [k + 1 for k in MIDDLE_POINTS]] - middle
+    across = (joints[:, 5] - joints[:, 17])[:, None] * (1 if side == "right" else -1)
+    unit = torch.nn.functional.normalize
+    turn = torch.linalg.cross(unit(before, dim=-1), unit(after, dim=-1))
+    return (turn * unit(across, dim=-1)).sum(-1).nanmean(-1)
 
 
 def palm_length(joints: Float[Tensor, "T 21 3"]) -> float:
