@@ -18,7 +18,6 @@ from geneoh.errors import InputError
 from geneoh.readers.column_names import side_in, words_of
 from geneoh.readers.landmark_tables import Numbering
 from geneoh.readers.mediapipe import (
-    HANDEDNESS,
     NOTES,
     WORLD,
     Detected,
@@ -33,21 +32,22 @@ from geneoh.readers.mediapipe import (
 from geneoh.readers.missing_keypoints import FEWEST
 from geneoh.readers.records import Array
 
-CENTRED = (*WORLD, "keypoints3D")
-"""Names of points about the centre of the hand: MediaPipe's, and TensorFlow.js's of the same."""
-POINTS = (*CENTRED, "keypoints_3d", "joints", "landmarks", "points", "positions", "keypoints")
-SIDES_OF_HANDS = (*HANDEDNESS, "side", "hand", "chirality", "hand_side", "label", "type")
+CENTRED = {name.lower().replace("_", "") for name in WORLD} | {"keypoints3d"}
+"""Names of points about the centre of the hand: MediaPipe's, and TensorFlow.js's of the same. All
+names here are in small letters and without lines between words, as `_called` makes them."""
+POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keypoints")
+SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
+SIDES_OF_HANDS += ("handtype", "type")
 SCORES = ("score", "confidence")
 LISTS_OF_HANDS = ("hands", "predictions", "detections", "instances", "people")
 PLACES = ("position", "translation", "location", "pose")
+NAMES = ("name", "joint", "jointname", "bone", "id")
 """Names under which a hand has its points, its side and its score, a frame its hands, and a point
-its coordinates."""
+its coordinates and its name."""
 BESIDE_SIDE = {"hand", "hands", "keypoints", "joints", "landmarks", "points", "3", "d"}
 """Words beside a side in the name of a field that has the hand of that side."""
 DEEPEST = 8
 """Lists and dicts within each other that are looked into for a hand."""
-OF_OPENPOSE = 4
-"""Numbers of a point of OpenPose: its place, and a score that is 0 where it was not found."""
 
 
 def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> Landmarks | None:
@@ -114,13 +114,15 @@ class _Frames:
             for name, each in sides.items():
                 if each:
                     yield value[name], each
-        elif name := next((name for name in LISTS_OF_HANDS if name in value), None):
-            yield value[name], side
-        elif name := next((name for name in POINTS if value.get(name)), None):
-            if _are_flat(value[name]):
+            return
+        fields = _called(value)
+        if name := next((name for name in LISTS_OF_HANDS if name in fields), None):
+            yield fields[name], side
+        elif name := next((name for name in POINTS if fields.get(name)), None):
+            if _are_flat(fields[name]):
                 raise image_landmarks(where)
             self.centred |= name in CENTRED
-            yield value[name], side
+            yield fields[name], side
 
     def _points(self, value: Any, where: str) -> Array | None:
         """(21, 3) points of a hand, NaN for missing ones; None where the value holds none."""
@@ -151,7 +153,7 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
     columns = {
         name: each
         for name, each in lists.items()
-        if (_side_of(name) or name in POINTS)
+        if (_side_of(name) or name.lower().replace("_", "") in POINTS)
         and not _is_numbers(each)
         and len(_points_by_name(each)) < FEWEST
     }
@@ -166,11 +168,11 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
 def _points_by_name(value: Any) -> dict[str, Array]:
     """The places in a dict or list of points, by their names or numbers; few where there are none.
 
-    OpenPose's numbers stand side by side, four a point.
+    Numbers may stand side by side, three a point, or four as of OpenPose.
     """
-    if isinstance(value, list) and len(value) == 21 * OF_OPENPOSE and _is_numbers(value):
-        rows = np.array(value, dtype=np.float64).reshape(21, OF_OPENPOSE)
-        places = np.where(rows[:, 3:] > 0, rows[:, :3], np.nan)
+    if isinstance(value, list) and len(value) in (63, 84) and _is_numbers(value):
+        rows = np.array(value, dtype=np.float64).reshape(21, -1)
+        places = np.where(rows[:, 3:].all(-1, keepdims=True), rows[:, :3], np.nan)
         return {str(index): place for index, place in enumerate(places)}
     if isinstance(value, list):
         items = [(_name_of(each, str(index)), each) for index, each in enumerate(value)]
@@ -184,9 +186,16 @@ def _points_by_name(value: Any) -> dict[str, Array]:
     return {name: place for name, place in found.items() if place is not None}
 
 
+def _called(value: Any) -> dict[str, Any]:
+    """The fields of a dict, in small letters and without lines between words; else none."""
+    fields = value.items() if isinstance(value, dict) else ()
+    return {str(name).lower().replace("_", ""): field for name, field in fields}
+
+
 def _name_of(point: Any, number: str) -> str:
     """The name that a point says, else its number in the list."""
-    said = (point.get(name) for name in ("name", "joint")) if isinstance(point, dict) else ()
+    fields = _called(point)
+    said = (fields[name] for name in NAMES if name in fields)
     return next((name for name in said if isinstance(name, str)), number)
 
 
@@ -194,18 +203,24 @@ def _place_of(point: Any) -> Array | None:
     """(3,) the place of a point: a list, a dict of x, y and z, or a 4x4 matrix, also transposed as
     a list of its columns; None for what is no point."""
     if isinstance(point, dict):
-        inner = next((point[name] for name in PLACES if name in point), None)
+        fields = _called(point)
+        inner = next((fields[name] for name in PLACES if name in fields), None)
         if inner is not None:
             return _place_of(inner)
-        point = [point.get(axis, "") for axis in "xyz"]
+        point = [fields.get(axis, "") for axis in "xyz"]
     if isinstance(point, list) and len(point) == 4:
-        rows = [list(row) for row in point if isinstance(row, list) and len(row) == 4]
-        columns = [list(column) for column in zip(*rows, strict=True)]
-        last = [matrix for matrix in (rows, columns) if matrix[3:] == [[0, 0, 0, 1]]]
-        point = [row[3] for row in last[0][:3]] if len(last) == 1 else None
+        point = _place_in_matrix(point)
     if not isinstance(point, list) or len(point) != 3 or not _is_numbers(point):
         return None
     return np.array(point, dtype=np.float64)
+
+
+def _place_in_matrix(value: list[Any]) -> list[Any] | None:
+    """The translation of a 4x4 matrix, by rows or by columns; None for what is none."""
+    rows = [list(row) for row in value if isinstance(row, list) and len(row) == 4]
+    columns = [list(column) for column in zip(*rows, strict=True)]
+    last = [matrix for matrix in (rows, columns) if matrix[3:] == [[0, 0, 0, 1]]]
+    return [row[3] for row in last[0][:3]] if len(last) == 1 else None
 
 
 def _is_numbers(values: list[Any]) -> bool:
@@ -232,7 +247,7 @@ def _side_of(name: str) -> Side | None:
 
 def _said_of(value: Any, side: Side | None, score: float) -> tuple[Side | None, float]:
     """The side and the score that a dict says, else those from around it."""
-    fields = value if isinstance(value, dict) else {}
+    fields = _called(value)
     labels = [label_of(fields[name]) for name in SIDES_OF_HANDS if name in fields]
     side, score = next((said for said in labels if said[0] is not None), (side, score))
     for sure in (fields[name] for name in SCORES if name in fields):

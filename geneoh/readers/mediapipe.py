@@ -5,6 +5,7 @@ list, perhaps with the number of each frame, its time, or both (`geneoh.readers.
 landmarks are read in `geneoh.readers.landmark_tables`.
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,6 +29,8 @@ IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandma
 HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
 LISTS = ("frames", "results", "instance_info")
 """Names under which a file may list its results; the last one is MMPose's."""
+NUMBERED = re.compile(r"(\d+)|.*?(\d{4,})(\.\w+)?")
+"""Names of frames: numbers, or those of numbered images."""
 OF_SIDE: dict[Side, tuple[str, str]] = {
     side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES
 }
@@ -92,8 +95,15 @@ def frames_in(value: Any) -> list[Any]:
 
     Times are in whole milliseconds or smaller units. Each may stand under "result" beside its time.
     """
-    if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
-        numbers = ((int(number), result or {}) for number, result in value.items())
+    named = (
+        {str(name): NUMBERED.fullmatch(str(name)) for name in value}
+        if isinstance(value, dict)
+        else {}
+    )
+    if named and all(named.values()):
+        numbers = (
+            (int(found[1] or found[2]), value[name] or {}) for name, found in named.items() if found
+        )
         given = sorted(numbers, key=itemgetter(0))
         steps = [after - before for (before, _), (after, _) in pairwise(given)]
         name = "timestamp" if steps and median(steps) > APART else "frame"
@@ -117,10 +127,11 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     beside = value if isinstance(value, dict) else {}
     listed = next((name for name in LISTS if name in beside), None)
     stamps = {n: beside[n] for n in ("fps", *CLOCK_NAMES) if n in beside and n != listed}
+    dicts = [frame if isinstance(frame, dict) else {} for frame in frames]
+    told = [{"_".join(words_of(str(n))): each for n, each in frame.items()} for frame in dicts]
     for name in CLOCK_NAMES:
-        told = [frame.get(name) if isinstance(frame, dict) else None for frame in frames]
-        if any(each is not None for each in told):
-            stamps[name] = told
+        if any(fields.get(name) is not None for fields in told):
+            stamps[name] = [fields.get(name) for fields in told]
     return Record(where, stamps, "correct it, or leave it out")
 
 
@@ -134,7 +145,7 @@ def tracks_in(
 
     `hands_of` gives those of one result, whose place in the file it gets for messages.
     """
-    most, alike = 0, 0
+    most, alike, crowded = 0, 0, 0
     found: Tracks = {}
     latest: dict[Side | None, Array] = {}
     for index, frame in enumerate(frames):
@@ -144,6 +155,7 @@ def tracks_in(
         most = max(most, len(hands))
         if len(hands) == 2 and hands[0].side == hands[1].side and hands[0].side is not None:
             hands, alike = _told_apart(hands, latest), alike + 1
+        crowded += len({hand.side for hand in hands}) < len(hands)
         for hand in hands:
             track = found.setdefault(hand.side, empty_track(len(frames)))
             if hand.score > track.trust[index]:
@@ -151,8 +163,11 @@ def tracks_in(
                 latest[hand.side] = hand.points
     if most == 1:
         return as_one_hand(found, side)
-    note = f"in {numbered(alike, 'frame')} both hands have one side: told apart by those before"
-    return found, (note,) if alike else ()
+    told = (
+        (alike, "both hands have one side: told apart by those before"),
+        (crowded, "more hands than one of a side: the surest is kept"),
+    )
+    return found, tuple(f"in {numbered(n, 'frame')} {words}" for n, words in told if n)
 
 
 @dataclass(frozen=True)

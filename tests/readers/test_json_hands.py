@@ -76,6 +76,22 @@ FORMS = {
     "matrices": [
         {"right": dict(zip(NAMES, map(matrix, points), strict=True))} for points in POINTS
     ],
+    "quest": [
+        {
+            "Time": k / 72,
+            "RightHand": {
+                "Bones": [
+                    {"Id": name, "Position": xyz(point)}
+                    for name, point in zip(NAMES, points, strict=True)
+                ]
+            },
+        }
+        for k, points in enumerate(POINTS)
+    ],
+    "numbers": [{"side": "right", "joints": points.ravel().tolist()} for points in POINTS],
+    "by images": {
+        f"img_{k:05d}.jpg": {"right": points} for k, points in enumerate(POINTS.tolist())
+    },
     "openpose": [openpose(points) for points in POINTS],
     "mmpose": {
         "instance_info": [
@@ -118,6 +134,16 @@ def test_times_scores_and_frames_without_a_hand_are_kept(read):
     assert sequence.fps == pytest.approx(25)
     assert sequence.hands[0].valid.tolist() == [True, False, False, True]
     np.testing.assert_allclose(sequence.hands[0].confidence[0], 0.9)
+
+
+@pytest.mark.parametrize("name", ["timestampMs", "Time", "frameIndex"])
+def test_times_may_have_names_in_any_way_of_writing(name, read):
+    step = {"timestampMs": 20, "Time": 0.02, "frameIndex": 1}[name]
+    frames = [{name: 5 + step * k, "right": by_name(p)} for k, p in enumerate(POINTS)]
+    del frames[1]
+    sequence = read(frames)
+    assert sequence.hands[0].valid.tolist() == [True, False, True, True]
+    assert name == "frameIndex" or sequence.fps == pytest.approx(50)
 
 
 @pytest.mark.parametrize("empty", [None, [], {}, {"right": None}, {"hands": None}])

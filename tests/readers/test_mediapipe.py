@@ -249,8 +249,8 @@ def test_landmarks_of_the_picture_are_refused(name, read):
 
 
 def test_other_json_is_refused_with_what_is_read(read):
-    with pytest.raises(InputError, match=r"worldLandmarks.*got 'bones' without any"):
-        read({"bones": HAND.tolist()}, side="right")
+    with pytest.raises(InputError, match=r"worldLandmarks.*got 'verts' without any"):
+        read({"verts": HAND.tolist()}, side="right")
 
 
 def test_frames_of_a_stream_in_a_file_are_told_how_to_be_cleaned(read):
@@ -514,3 +514,11 @@ def test_tables_of_bags_of_ros_are_read(form, read_table):
     sequence = read_table(header, rows, side="right")
     np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
     assert sequence.fps == pytest.approx(30)
+
+
+def test_more_hands_than_one_of_a_side_are_told(read):
+    """The surest one was taken, and nothing said so."""
+    frames = [python_task(points) for points in POINTS]
+    for name in ("handedness", "hand_world_landmarks", "hand_landmarks"):
+        frames[2][name] = 3 * frames[2][name]
+    assert "in 1 frame more hands than one of a side: the surest is kept" in read(frames).source
