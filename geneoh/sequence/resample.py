@@ -96,6 +96,16 @@ def hand_over_frames(hand: HandTrack, frames: int) -> HandTrack:
     return replace(straight, pose=curved.pose, wrist=curved.wrist, joints=curved.joints)
 
 
+def rotations_over_frames(
+    rotation: Float[Tensor, "T K 3 3"], frames: int
+) -> Float[Tensor, "N K 3 3"]:
+    """Rotations over the same time in another number of frames, on curves as `hand_over_frames`."""
+    if frames == len(rotation):
+        return rotation
+    between = evenly(len(rotation), frames, rotation.device)
+    return CurvedInterpolation(**vars(between)).rotations(rotation)
+
+
 @dataclass(frozen=True)
 class CurvedInterpolation(FrameInterpolation):
     """Instants of a track of two or more frames, on cubic curves whose velocity at each frame is

@@ -26,13 +26,14 @@ from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.progress import OnProgress
-from geneoh.readers.bodies.base import BodyRecording, body_at_rate, body_over_frames
+from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.holding_check import TOUCHING_REACH
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.distance_check import distance_to_object
+from geneoh.sequence.resample import rotations_over_frames
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.synthesis.actions import FPS
 
@@ -138,7 +139,7 @@ def generate_on_body(
         networks=load_both2hands(options.weights, text_encoder=options.text_encoder, device=device),
         on_step=on_progress and partial(on_progress, "hands"),
     ).to("cpu")
-    fingers = body_over_frames(made, body.frames).rotations[:, BODY_JOINTS:]
+    fingers = rotations_over_frames(made.rotations[:, BODY_JOINTS:], body.frames)
     body = replace(body, motion=with_other_fingers(body.motion, fingers), has_fingers=True)
     sequence = Sequence(
         hand_tracks(body.skeleton, body.file_motion),

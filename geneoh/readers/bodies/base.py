@@ -91,20 +91,14 @@ def body_at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
             f"{recording.source}: must last at most {MOST_FRAMES} frames at {fps:g} frames a "
             f"second, got {steps:.6g}; cut it into shorter ones, or correct its frame rate"
         )
-    frames = max(1, round(steps)) + 1 if recording.frames > 1 else 1
-    motion = body_over_frames(recording.motion, frames)
-    last = max(1, recording.frames - 1)
-    rate = recording.fps * (frames - 1) / last if frames > 1 else recording.fps
-    return replace(recording, motion=motion, fps=rate)
-
-
-def body_over_frames(motion: BodyMotion, frames: int) -> BodyMotion:
-    """The same motion over the same time in another number of frames; undoes `body_at_rate`."""
-    before = len(motion.root)
-    if frames == before:
-        return motion
-    between = evenly(before, frames, motion.root.device)
-    return BodyMotion(between.points(motion.root), between.rotations(motion.rotations))
+    last = recording.frames - 1
+    frames = max(1, round(steps)) + 1
+    if last in (0, frames - 1):
+        return recording
+    motion = recording.motion
+    between = evenly(recording.frames, frames, motion.root.device)
+    motion = BodyMotion(between.points(motion.root), between.rotations(motion.rotations))
+    return replace(recording, motion=motion, fps=recording.fps * (frames - 1) / last)
 
 
 def checked_body(recording: BodyRecording) -> BodyRecording:

@@ -7,7 +7,7 @@ import torch
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import Skeleton
 from geneoh.errors import InputError
-from geneoh.readers.bodies.base import body_at_rate, body_over_frames, checked_body
+from geneoh.readers.bodies.base import body_at_rate, checked_body
 from geneoh.readers.bodies.read import read_body
 
 
@@ -20,9 +20,10 @@ def test_a_body_comes_to_thirty_frames_a_second_and_back(body):
     slower = body_at_rate(body, 30.0)
     assert (slower.frames, slower.fps) == (11, 30.0)
     assert torch.equal(slower.motion.rotations, body.motion.rotations[::4])
-    again = body_over_frames(slower.motion, 41)
-    torch.testing.assert_close(again.rotations, body.motion.rotations, atol=5e-3, rtol=0)
-    torch.testing.assert_close(again.root, body.motion.root, atol=1e-5, rtol=0)
+    again = body_at_rate(slower, 120.0)
+    assert (again.frames, again.fps) == (41, 120.0)
+    torch.testing.assert_close(again.motion.rotations, body.motion.rotations, atol=5e-3, rtol=0)
+    torch.testing.assert_close(again.motion.root, body.motion.root, atol=1e-5, rtol=0)
 
 
 def test_a_single_frame_stays_one(body):
