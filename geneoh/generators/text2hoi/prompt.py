@@ -12,6 +12,7 @@ from geneoh.generators.text2hoi.captions import ADJECTIVES
 from geneoh.generators.text2hoi.duration import length_in_frames, stated_length
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.negation import no_hand_in, rules_out, without_ruled_out
+from geneoh.generators.text2hoi.outcomes import DETERMINERS, outcomes_as_verbs
 from geneoh.generators.text2hoi.passing import MY, asked_giver
 from geneoh.generators.text2hoi.text import shipped_model
 from geneoh.generators.text2hoi.text_data import WORDS
@@ -83,7 +84,8 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     rest, stated = stated_length(sentence.replace("\u2019", "'"))
     length = length_in_frames(sentence, stated) if frames is None else None
     said, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
-    words, left_out = without_ruled_out_verbs(sentence, said.split())
+    words = outcomes_as_verbs(said.split(), jointed=jointed)
+    words, left_out = without_ruled_out_verbs(sentence, words)
     words = with_other_hand(sentence, words, ruled_out)
     told = sentence if words == words_of(sentence) else " ".join(words)
     verb, known, verb_notes = asked_verb(told, words)
@@ -182,11 +184,17 @@ def named_verbs(words: Sequence[str]) -> dict[str, str]:
         for phrase, verb in _phrases().get(word, ()):
             rest = phrase.split()[1:]
             after = list(words[start + 1 :])
-            later = len(rest) == 1 and rest[0] in PARTICLES and rest[0] in after
+            later = len(rest) == 1 and rest[0] in PARTICLES and _follows(rest[0], after)
             if after[: len(rest)] == rest or later:
                 found.setdefault(verb, phrase)
                 break
     return found
+
+
+def _follows(particle: str, words: Sequence[str]) -> bool:
+    """Whether a particle is among words and tells no object, as in "the open drawer"."""
+    before = ("", *words)
+    return any(w == particle and before[n] not in DETERMINERS for n, w in enumerate(words))
 
 
 def asked_hands(

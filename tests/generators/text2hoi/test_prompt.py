@@ -60,6 +60,72 @@ def test_a_verb_that_moves_two_parts_as_one_is_told():
     assert read_prompt("Open the lid with the right hand.", jointed=True).notes == ()
 
 
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("Flip the lid open", "open the lid"),
+        ("flip open the lid of the box", "open the lid of the box"),
+        ("swing the door wide open", "open the door wide"),
+        ("the right hand slides the drawer shut", "the right hand closes the drawer"),
+        ("pull the door closed with both hands", "close the door with both hands"),
+        ("slamming the lid shut", "closing the lid"),
+        ("the laptop is flipped open by the left hand", "the laptop is opened by the left hand"),
+        ("lift the box, then push its door closed", "lift the box then close its door"),
+    ],
+)
+def test_a_verb_that_ends_open_or_shut_opens_or_closes(sentence, told):
+    verb = "open" if "open" in sentence else "close"
+    for jointed in (False, True):
+        prompt = read_prompt(sentence, jointed=jointed)
+        assert (prompt.verb, prompt.known, prompt.told) == (verb, True, told)
+
+
+@pytest.mark.parametrize("said", ["pull the drawer open", "push it shut", "pull open the drawer"])
+def test_phrases_for_open_and_close_that_are_learned_stay(said):
+    prompt = read_prompt(said, jointed=True)
+    assert (prompt.verb in ("open", "close"), prompt.told) == (True, said)
+
+
+@pytest.mark.parametrize(
+    ("said", "verb", "alone"),
+    [
+        ("screw the lid off", "open", "rotate"),
+        ("twist the cap off with the left hand", "open", "rotate"),
+        ("take off the lid", "open", "carry"),
+        ("lift the lid off the pot", "open", "lift"),
+        ("unscrew the cap of the bottle", "open", "rotate"),
+        ("the left hand removes the lid", "open", "lift"),
+        ("screw the lid back on", "close", "rotate"),
+        ("put the lid on the box", "close", "put down"),
+        ("put the lid on the table", "put down", "put down"),
+        ("press on the lid", "press", "press"),
+        ("take the box off the table", "carry", "carry"),
+    ],
+)
+def test_a_lid_that_comes_off_opens_an_object_of_two_parts(said, verb, alone):
+    assert read_prompt(said, jointed=True).verb == verb
+    assert read_prompt(said).verb == alone
+
+
+@pytest.mark.parametrize(
+    ("said", "verb"),
+    [
+        ("pull the open drawer to the left", "slide"),
+        ("carry the closed laptop with both hands", "carry"),
+        ("shake the closed jar", "shake"),
+        ("pick up the box with the open hand", "lift"),
+    ],
+)
+def test_an_object_that_is_open_or_closed_stays_so(said, verb):
+    prompt = read_prompt(said)
+    assert (prompt.verb, prompt.told) == (verb, said)
+
+
+def test_an_outcome_that_is_ruled_out_is_refused():
+    with pytest.raises(InputError, match="found only 'don't open'"):
+        read_prompt("don't flip the lid open")
+
+
 def test_an_unknown_verb_gives_some_verb_and_says_so():
     prompt = read_prompt("Yodel the mug with the right hand.")
     assert not prompt.known
