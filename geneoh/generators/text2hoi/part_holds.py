@@ -27,13 +27,13 @@ from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.contact_pads import OtherHands, Table
 from geneoh.synthesis.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Scans, build_scans
-from geneoh.synthesis.solids import SCAN, SOLIDS, Solids
+from geneoh.synthesis.solids import SCAN, Solids
 
 GRIP = 4  # frames for which the hand holds the part before it moves and after it has moved
 RISE = 6  # frames over which a hand is lifted out of the table
 FREE, CLEAR = 0.005, 0.001
 """Metres from the first part at which a finger reaches behind the second one, or touches it."""
-STATES = SOLIDS - 1  # of the joint between its ends, in which a hold keeps out of the first part
+STATES = 7  # of the joint between its ends, in which a hold keeps out of the first part
 
 
 @dataclass(frozen=True)

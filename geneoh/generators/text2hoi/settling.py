@@ -25,6 +25,7 @@ from geneoh.generators.text2hoi.held_hands import (
 )
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.generators.text2hoi.standing import StandingObject
+from geneoh.generators.text2hoi.withdrawing import withdrawn
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions import Actions
@@ -176,7 +177,8 @@ def kept_pose(
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
     # the held pose itself needs no way out, and one next to it only what is left of the change
-    return replace(found, wrist=wrist + (1 - share**4) * shifts_out(solids, found, table, other))
+    out = (1 - share**4) * shifts_out(solids, found, table, other)
+    return withdrawn(replace(found, wrist=wrist + out), hold, solids, table, other)
 
 
 def shifts_out_of_table(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
