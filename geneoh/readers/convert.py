@@ -102,7 +102,7 @@ def _as_json(value: Any) -> Any:
     if isinstance(value, ObjectPoses):
         return {name: _as_json(part) for name, part in vars(value).items()}
     if isinstance(value, Mesh):
-        return sha256(obj_text(value).encode()).hexdigest()
+        return value.sha256
     if isinstance(value, Path):
         return str(value.resolve())
     return [_as_json(part) for part in value] if isinstance(value, tuple) else value
