@@ -46,6 +46,8 @@ NAMES = ("name", "joint", "jointname", "bone", "id")
 its coordinates and its name."""
 BESIDE_SIDE = {"hand", "hands", "keypoints", "joints", "landmarks", "points", "3", "d"}
 """Words beside a side in the name of a field that has the hand of that side."""
+LARGEST = 1e300
+"""A number beyond it, such as a whole number of hundreds of digits, is no coordinate."""
 DEEPEST = 8
 """Lists and dicts within each other that are looked into for a hand."""
 
@@ -224,8 +226,10 @@ def _place_in_matrix(value: list[Any]) -> list[Any] | None:
 
 
 def _is_numbers(values: list[Any]) -> bool:
-    """Whether a list holds numbers and nulls alone."""
-    return all(each is None or type(each) in (int, float) for each in values)
+    """Whether a list holds numbers that fit into an array, and nulls alone."""
+    return all(
+        each is None or (type(each) in (int, float) and not abs(each) > LARGEST) for each in values
+    )
 
 
 def _are_places(values: list[Any]) -> bool:

@@ -249,6 +249,15 @@ def test_what_holds_no_hand_is_refused(read):
     nested = []
     for _ in range(400):
         nested = [nested]
-    for value in ([None, []], [], {"frames": 3}, [[1, 2], [3]], nested, {"right": "x"}, 7):
+    for value in (
+        [None, []],
+        [],
+        {"frames": 3},
+        [[1, 2], [3]],
+        nested,
+        {"right": "x"},
+        7,
+        [[10**400] * 63],
+    ):
         with pytest.raises(InputError, match=r"expected hands, .* without any; see the page"):
             read(value, side="right")
