@@ -85,6 +85,10 @@ class Record:
         cure = remedy if array.size else "at least one frame is needed"
         if not cure and self.remedy.startswith(RESHAPE) and is_transposed(array.shape, shapes):
             cure = "bring its axes into this order with transpose, reshape would mix them"
+        if array.shape[-1:] == (4,) and any(matches((*array.shape[:-1], 3), s) for s in shapes):
+            cure = (
+                "keep the first three numbers of each; where the fourth is a score, save it apart"
+            )
         wanted = " or ".join(map(shown_shape, shapes))
         nested = isinstance(self.values.get(name), list)  # whose shape is told, too
         told = replace(self, values={**self.values, name: array}) if nested else self

@@ -90,6 +90,7 @@ def test_frames_with_nan_count_as_not_observed(arrays):
         ({"obj": MESH}, "did you mean 'meshes'"),
         ({"mesh": MESH}, "did you mean 'meshes'"),
         ({"left_joints": np.zeros((3, 21, 146))}, "transpose, reshape would mix them"),
+        ({"left_joints": np.zeros((3, 21, 4))}, "keep the first three numbers of each; where"),
         ({"left_joints": [np.zeros((21, 3)), np.zeros((20, 3))]}, "fill missing rows with NaN"),
         ({"colour": np.zeros(3)}, "'colour' is no field of a sequence; the fields are"),
         ({"object_translation": np.zeros((12, 3))}, "same number of frames"),
