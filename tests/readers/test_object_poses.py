@@ -260,3 +260,20 @@ def test_texts_of_other_numbers_are_not_called_damaged(tmp_path, text):
     (tmp_path / "0.txt").write_text(text)
     with pytest.raises(InputError, match="write the 16 numbers of a 4x4 matrix with spaces"):
         read_poses(tmp_path)
+
+
+def test_poses_of_one_object_as_bop_has_them_are_read_in_metres(tmp_path):
+    def image(pose, number=3):
+        turn, place = pose[:3, :3].ravel().tolist(), (1000 * pose[:3, 3]).tolist()
+        return {"cam_R_m2c": turn, "cam_t_m2c": place, "obj_id": number}
+
+    images = {str(frame): [image(POSES[frame])] for frame in range(FRAMES) if frame != 4}
+    path = tmp_path / "scene_gt.json"
+    path.write_text(json.dumps(images))
+    found = read_poses(path).matrices
+    assert np.isnan(found[4]).all()
+    np.testing.assert_allclose(np.delete(found, 4, 0), np.delete(POSES, 4, 0), atol=1e-9)
+    images["7"].append(image(POSES[7], 5))
+    path.write_text(json.dumps(images))
+    with pytest.raises(InputError, match="poses of one object, got 2 in an image; keep those of"):
+        read_poses(path)
