@@ -5,6 +5,7 @@ import json
 import re
 from array import array as growing
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -38,10 +39,28 @@ def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
 
 
 def read_json(path: Path) -> Any:
-    """The value in a JSON file; of one with a value a line (.jsonl), the list of them."""
-    data = read_bytes(path, JSON_LIMIT)
-    if path.suffix.lower() != ".jsonl":
-        return json_in(data, str(path), "copy it again")
+    """The value in a JSON file; of one with a value a line (.jsonl), the list of them.
+
+    A file that is none by its ending is read the other way where that makes sense of all of it.
+    """
+    data, ways = read_bytes(path, JSON_LIMIT), [whole_json, json_lines]
+    if path.suffix.lower() == ".jsonl":
+        ways.reverse()
+    try:
+        return ways[0](data, path)
+    except InputError:
+        with suppress(InputError):
+            return ways[1](data, path)
+        raise
+
+
+def whole_json(data: bytes, path: Path) -> Any:
+    """The one value of a JSON file."""
+    return json_in(data, str(path), "copy it again")
+
+
+def json_lines(data: bytes, path: Path) -> list[Any]:
+    """The values of a JSON file that has one a line."""
     lines = ((number, line) for number, line in enumerate(data.splitlines(), 1) if line.strip())
     cure = "copy it again, or leave the line out"
     return [json_in(line, f"{path}, line {number}", cure) for number, line in lines]

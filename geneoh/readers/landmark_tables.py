@@ -10,6 +10,7 @@ such as orientations and points that OpenPose lacks, is passed over.
 import csv
 import re
 from collections.abc import Iterable
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,8 @@ def read_rows(path: Path) -> tuple[list[Row], list[str]]:
             table = csv.DictReader(lines, delimiter=separator)
             names = [str(name).strip() for name in table.fieldnames or ()]
             table.fieldnames = names
-            return [with_points(row, separator, path) for row in table], names
+            rows = (row for row in table if any(row.values()))  # a line of separators is blank
+            return [with_points(row, separator, path) for row in rows], names
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
 
@@ -136,7 +138,7 @@ def with_points(row: Row, separator: str, path: Path) -> Row:
 def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
     """The times of a table's frames, between others of one without a row; empty without times."""
     name = column_of(rows, TIME_NAMES)
-    times = [] if name is None else [number_in(row[name] or "") for row in rows]
+    times = [] if name is None else [time_in(row[name]) for row in rows]
     if name is None or not np.isfinite(times).all():
         return Record(str(path), {})
     told = dict(zip(frames, times, strict=True))
@@ -168,10 +170,22 @@ def frames_of(rows: list[Row]) -> list[float]:
     if name := frame_column(rows):
         return [number_in(row[name] or "") for row in rows]
     if name := column_of(rows, TIME_NAMES):
-        times = np.array([number_in(row[name] or "") for row in rows])
+        times = np.array([time_in(row[name]) for row in rows])
         places = np.unique(times, return_inverse=True)[1].astype(float)
         return np.where(np.isfinite(times), places, np.nan).tolist()
     return np.arange(float(len(rows))).tolist()
+
+
+def time_in(cell: str | None) -> float:
+    """A time as a number, of a date in seconds; NaN for anything else."""
+    number = number_in(cell or "")
+    if np.isfinite(number) or not cell:
+        return number
+    try:
+        at = datetime.fromisoformat(cell.strip().replace("Z", "+00:00"))
+    except ValueError:
+        return number
+    return (at if at.tzinfo else at.replace(tzinfo=timezone.utc)).timestamp()
 
 
 class Numbering:

@@ -17,8 +17,10 @@ they are nearest."""
 
 ALIKE = 0.02
 """Metres within which two readings that bring the wrist near are told both."""
-SCALES = (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001)
-"""Of lengths between metres, centimetres and millimetres."""
+SCALES = (1000.0, 100.0, 0.01, 0.001)
+"""Of lengths from millimetres or centimetres to metres, and back."""
+TOO_FAR = 10.0
+"""Metres from which on an object may be one in another unit, and not one that is elsewhere."""
 
 WRIST_FROM_ORIGIN = 0.15
 """Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
@@ -55,6 +57,8 @@ def other_readings(hand: HandTrack, motion: ObjectTrack) -> Iterator[tuple[float
         "OpenCV and OpenGL; negate y and z of the hand",
     )
     for scale in SCALES:
+        if scale < 1 and least_distance(hand, motion) < TOO_FAR:
+            continue
         scaled = replace(motion, translation=scale * motion.translation)
         yield (
             max(least_distance(hand, scaled), 0.0),

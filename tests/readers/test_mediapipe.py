@@ -522,3 +522,26 @@ def test_more_hands_than_one_of_a_side_are_told(read):
     for name in ("handedness", "hand_world_landmarks", "hand_landmarks"):
         frames[2][name] = 3 * frames[2][name]
     assert "in 1 frame more hands than one of a side: the surest is kept" in read(frames).source
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["2024-01-01 10:00:{:06.3f}", "2024-01-01T10:00:{:06.3f}Z", "2024-01-01T10:00:{:06.3f}+02:00"],
+)
+def test_times_of_a_table_may_be_dates(form, read_table):
+    header, rows = TABLES["x0"]
+    rows = [[form.format(k / 25), *row] for k, row in enumerate(rows)]
+    blank = [""] * len(rows[0])
+    sequence = read_table(["timestamp", *header], [rows[0], blank, *rows[1:]], side="right")
+    assert sequence.fps == pytest.approx(25)
+    np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["hand.json", "hand.jsonl"])
+@pytest.mark.parametrize(
+    "text", [lambda f: "\n".join(map(json.dumps, f)), lambda f: json.dumps(f, indent=1)]
+)
+def test_json_of_another_ending_is_read(name, text, tmp_path):
+    """Advice was to copy the file again."""
+    (tmp_path / name).write_text(text([python_task(points) for points in POINTS]))
+    assert geneoh.load(tmp_path / name).frames == FRAMES
