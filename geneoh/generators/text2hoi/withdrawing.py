@@ -27,8 +27,8 @@ BACK, OUT = (0.06, 0.12), 12.0
 JOINED = (20.0, 40.0)  # frames from its hold after which it may be where it was drawn
 DEEP = 0.006
 """Depth on the way to a hold or from it above which another way is looked for, metres."""
-AWAY = 0.002
-"""What a metre counts that a hand is off where it was drawn, against one of depth."""
+FORCED = 0.1
+"""What a metre per squared frame counts by which the wrist accelerates, against one of depth."""
 
 
 def withdrawn(
@@ -54,8 +54,8 @@ def withdrawn(
         )
         count = len(ways.wrist) // len(way)
         found = depths(ways, way.repeat(count), solids, table, other)
-        away = (ways.wrist - drawn.wrist.repeat(count, 1)).norm(dim=-1)
-        best = (found + AWAY * away).unflatten(0, (count, -1)).sum(1).argmin()
+        forced = ways.wrist.unflatten(0, (count, -1)).diff(n=2, dim=1).norm(dim=-1).sum(1)
+        best = (found.unflatten(0, (count, -1)).sum(1) + FORCED * forced).argmin()
         mixed = frames.clone()
         mixed[way] = len(frames) + best * len(way) + torch.arange(len(way))
         hand = concatenated([hand, ways], "N").take(mixed, "N")
