@@ -6,22 +6,20 @@ symmetric mesh cannot tell apart. What the object does together with the palm of
 track that is found exact is returned as it is.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float64
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from geneoh.bundle import Bundle, equal_values, repr_by_shapes
-from geneoh.errors import numbered
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.consistency import Chain, longest_chain, possible_places
+from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
 from geneoh.objects.palms import RigidMotion, Views
 from geneoh.objects.smoothing import (
     LEAST_FRAMES,
@@ -34,10 +32,6 @@ from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
-EXACT_ROTATION, EXACT_TRANSLATION = 0.008, 0.0006
-"""White noise per axis up to which a track of 30 frames a second counts as exact, radians and
-metres: motion capture has 0.003 and 0.00016. At fewer frames a second motion itself looks like
-noise, with the square of the time between frames, and the bounds grow with it."""
 QUIET_FRAMES, QUIET_SHARE = 15, 0.1
 """A track is as noisy as in the calmest tenth of its stretches of so many frames: an exact one
 rests there, one that shakes does so always."""
@@ -52,57 +46,6 @@ LASTING = 4 / 3
 as for a hand (`geneoh.sequence.shots`), because a hand comes out worse against a flipped object
 than without any."""
 LEAST_STRETCH = 6  # frames between two jumps below which a stretch is left as it is
-
-
-@dataclass(frozen=True, eq=False)
-class ObjectExamination(Bundle):
-    """What the track of an object of Q parts says about its own noise."""
-
-    rotation_noise: Float[Tensor, " Q"]
-    """Deviation of white noise per axis, radians; 0 where a part's track is exact."""
-    translation_noise: Float[Tensor, " Q"]
-    """Deviation of white noise per axis, metres; 0 where a part's track is exact."""
-    confidence: Float[Tensor, "T Q"]
-    """How much each pose agrees with the others of its part, from 0 (left out) to 1."""
-    left_out: Bool[Tensor, "T Q"]
-    """Poses whose rotation or place no possible motion reaches."""
-    symmetric: Bool[Tensor, "T Q"]
-    """Poses whose rotation was changed by one of the mesh onto itself."""
-    doubted: Bool[Tensor, "T Q"]
-    """Poses beside a turn that no motion makes, of which nothing tells whether they are right."""
-    is_noisy: Bool[Tensor, " Q"]
-    """Whether a part's track was cleaned."""
-    aligned: ObjectTrack
-    """The poses as they were given, but for symmetric ones, which are turned back."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
-
-    @property
-    def white_noise(self) -> Float[Tensor, " 2"]:
-        """Deviation of white noise on the worst part's rotation (rad) and translation (m)."""
-        return torch.stack([self.rotation_noise.max(), self.translation_noise.max()])
-
-    def sentences(self) -> Iterator[str]:
-        """What a user should know about the object's poses, where there is anything."""
-        for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
-            name = self.aligned.name_of(part)
-            turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])
-            if turns > EXACT_ROTATION or shifts > EXACT_TRANSLATION:
-                yield (
-                    f"the pose of {name} shakes by {np.degrees(turns):.1f} degrees and "
-                    f"{1000 * shifts:.1f} mm per axis: the hand was cleaned against a smooth track "
-                    "of it; --refine-object writes that track, --trust-object keeps to the given "
-                    "one"
-                )
-            if count := int(self.left_out[:, part].sum()):
-                yield f"{numbered(count, 'frame')} in which the pose of {name} jumps, left out"
-            if count := int(self.symmetric[:, part].sum()):
-                frames = numbered(count, "frame")
-                yield f"{frames} in which {name} is turned by its own symmetry, turned back"
-            if count := int(self.doubted[:, part].sum()):
-                frames = numbered(count, "frame")
-                yield f"{name} turns as no motion turns it, and stays so: not relied on in {frames}"
 
 
 Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]

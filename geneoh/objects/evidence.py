@@ -19,7 +19,7 @@ from geneoh.errors import numbered
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_axis_angle
-from geneoh.objects.cleaning import ObjectExamination
+from geneoh.objects.examination import ObjectExamination
 from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks

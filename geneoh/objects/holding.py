@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION
+from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION
 from geneoh.objects.smoothing import WINDOW, interpolated
 from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.sequence import HandTrack, ObjectTrack

@@ -19,14 +19,9 @@ from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
-from geneoh.objects.cleaning import (
-    EXACT_ROTATION,
-    EXACT_TRANSLATION,
-    ObjectExamination,
-    steadiest,
-    symmetry_of,
-)
+from geneoh.objects.cleaning import steadiest, symmetry_of
 from geneoh.objects.drift import DRIFT_SECONDS, size_of_drift
+from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
 from geneoh.objects.holding import (
     LAG,
     RADIANS_PER_METRE,

@@ -15,8 +15,8 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, nearest_rotations
-from geneoh.objects.cleaning import ObjectExamination
 from geneoh.objects.evidence import placed_vertices
+from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.palms import RigidMotion, palm_of
 from geneoh.objects.relative_filter import Comparison, LowPass, compared
 from geneoh.sequence.gaps import fill_gaps

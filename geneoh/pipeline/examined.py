@@ -7,8 +7,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.objects.cleaning import ObjectExamination, clean_object
+from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_poses
+from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.palms import palm_of
 from geneoh.objects.sharpening import sharpened
 from geneoh.readers.delay_check import hand_delay

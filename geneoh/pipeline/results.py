@@ -18,7 +18,7 @@ from geneoh.files.npz import Arrays, read_archive
 from geneoh.files.outputs import check_ending, keep_others
 from geneoh.fitting.terms import HandState
 from geneoh.metrics.report import InteractionReport
-from geneoh.objects.cleaning import ObjectExamination
+from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence

@@ -10,7 +10,7 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.errors import shortened
 from geneoh.metrics.report import over_shots
-from geneoh.objects.cleaning import ObjectExamination
+from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.shots import shots_of
