@@ -32,9 +32,14 @@ from geneoh.readers.mediapipe import (
 from geneoh.readers.missing_keypoints import FEWEST
 from geneoh.readers.records import Array
 
-CENTRED = {name.lower().replace("_", "") for name in WORLD} | {"keypoints3d"}
-"""Names of points about the centre of the hand: MediaPipe's, and TensorFlow.js's of the same. All
-names here are in small letters and without lines between words, as `_called` makes them."""
+
+def _plain(name: str) -> str:
+    """A name in small letters and without lines between its words, as all names here are."""
+    return name.lower().replace("_", "")
+
+
+CENTRED = (*map(_plain, WORLD), "keypoints3d")
+"""Names of points about the centre of the hand: MediaPipe's, and TensorFlow.js's of the same."""
 POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keypoints")
 SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
 SIDES_OF_HANDS += ("handtype", "type")
@@ -155,7 +160,7 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
     columns = {
         name: each
         for name, each in lists.items()
-        if (_side_of(name) or name.lower().replace("_", "") in POINTS)
+        if (_side_of(name) or _plain(name) in POINTS)
         and not _is_numbers(each)
         and len(_points_by_name(each)) < FEWEST
     }
@@ -189,9 +194,9 @@ def _points_by_name(value: Any) -> dict[str, Array]:
 
 
 def _called(value: Any) -> dict[str, Any]:
-    """The fields of a dict, in small letters and without lines between words; else none."""
+    """The fields of a dict by their plain names; of anything else none."""
     fields = value.items() if isinstance(value, dict) else ()
-    return {str(name).lower().replace("_", ""): field for name, field in fields}
+    return {_plain(str(name)): field for name, field in fields}
 
 
 def _name_of(point: Any, number: str) -> str:
