@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from geneoh.body.motion import PosedBody
+from geneoh.body.skeleton import WRISTS
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
@@ -26,6 +28,9 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 OPENPOSE_FROM_MANO = ORDERS["mano"].entries
 """OpenPose's keypoint i is number OPENPOSE_FROM_MANO[i] of a list of MANO's 16 joints followed by
 the tips of thumb, index, middle, ring and pinky: the order of ARCTIC and HO-3D."""
+
+CHAINS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
+"""Finger joints of each hand among the 30 of a body."""
 
 NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
 
@@ -155,6 +160,17 @@ def hand_track(
         hand_model=None if pose is None else name_of(side, left_hand),
         confidence=None if confidence is None else float32(np.nan_to_num(confidence)),
     )
+
+
+def hands_of_body(posed: PosedBody, fingers: Array) -> list[HandTrack]:
+    """Both hands of a body, with (T, 30, 3) absolute axis-angle of the fingers, left then right."""
+    hands = []
+    for side, joint in WRISTS.items():
+        root = transforms.axis_angles(posed.rotations[:, joint].double().numpy())[:, None]
+        pose = np.concatenate([root, fingers[:, CHAINS[side]]], axis=1)
+        wrist = posed.positions[:, joint].double().numpy()
+        hands.append(hand_track(side, pose=pose, wrist=wrist))
+    return hands
 
 
 def masked(values: Array | None, valid: Array) -> torch.Tensor | None:

@@ -8,6 +8,7 @@ such as orientations and points that OpenPose lacks, is passed over.
 """
 
 import csv
+import math
 import re
 from collections.abc import Iterable
 from datetime import datetime, timezone
@@ -248,7 +249,7 @@ def point_columns(names: list[str], numbering: Numbering) -> dict[str, Column]:
         if isinstance(point, int):
             found[name] = (side_in(at.of), point, "xyz".index(at.axis))
     sides = {side for side, _, _ in found.values()}
-    if names and all(number_in(name) == number_in(name) for name in names):
+    if names and not any(math.isnan(number_in(name)) for name in names):
         raise InputError(
             f"{numbering.path}: expected a table with a heading, got numbers in its first line; "
             "name the columns, such as WRIST_x to PINKY_TIP_z, or save the points as npy"

@@ -9,18 +9,12 @@ import numpy as np
 
 from geneoh.body import motion as motions
 from geneoh.body.motion import BodyMotion, PosedBody
-from geneoh.body.skeleton import WRISTS
-from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.readers import base, builders, transforms
 from geneoh.readers.bodies.model import RestBody, read_model
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import Array, Record, as_record, float32
-from geneoh.sequence.sequence import HandTrack
-
-CHAINS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
-"""Joints of hand_pose."""
+from geneoh.readers.records import Record, as_record, float32
 
 
 @reads("*.p", "*.pkl", takes=("body", "object_pose"))
@@ -41,18 +35,7 @@ def both57m(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         fingers = record.array("hand_pose", ("T", 30, 3))
         record.refuse_lengths("hand_pose", "root_orient")
         name = f"{clip.name}_{index:03d}"
-        yield base.ClipParts(f"BOTH57M {name}", hands_of_body(posed, fingers), name=name)
-
-
-def hands_of_body(posed: PosedBody, fingers: Array) -> list[HandTrack]:
-    """Both hands of a body, with (T, 30, 3) absolute axis-angle of the fingers, left then right."""
-    hands = []
-    for side, joint in WRISTS.items():
-        root = transforms.axis_angles(posed.rotations[:, joint].double().numpy())[:, None]
-        pose = np.concatenate([root, fingers[:, CHAINS[side]]], axis=1)
-        wrist = posed.positions[:, joint].double().numpy()
-        hands.append(builders.hand_track(side, pose=pose, wrist=wrist))
-    return hands
+        yield base.ClipParts(f"BOTH57M {name}", builders.hands_of_body(posed, fingers), name=name)
 
 
 def pose_body(record: Record, rest: RestBody) -> PosedBody:

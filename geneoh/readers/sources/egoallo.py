@@ -14,13 +14,12 @@ import numpy as np
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.choices import SIDES
 from geneoh.errors import InputError
-from geneoh.readers import base
+from geneoh.readers import base, builders
 from geneoh.readers.bodies.model import read_model
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import read_record
 from geneoh.readers.nested_lists import Shape
 from geneoh.readers.records import Array, float32
-from geneoh.readers.sources.both57m import hands_of_body
 from geneoh.readers.transforms import axis_angles_of_wxyz, rotation_matrices
 from geneoh.sequence.sequence import HandTrack
 
@@ -65,4 +64,4 @@ def read_sample(sample: dict[str, Array], body: Path) -> list[HandTrack]:
     vectors = [*map(axis_angles_of_wxyz, quaternions), *fingers]
     rotations = rotation_matrices(np.concatenate(vectors, axis=1))
     posed = pose(rest.skeleton, BodyMotion(float32(root[:, 4:]), float32(rotations)))
-    return hands_of_body(posed, np.concatenate(fingers, axis=1))
+    return builders.hands_of_body(posed, np.concatenate(fingers, axis=1))

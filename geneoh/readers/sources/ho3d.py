@@ -50,31 +50,32 @@ def parts_of(
             f"{clip.path}: expected the fields of {title}, such as {min(wanted)}, got frames "
             "without them; choose ho3d for files of one hand, and h2o3d for those of two"
         )
-    hands = [hand_of(records, frames, side, prefix) for side, prefix in prefixes.items()]
+    joints: dict[Side, Array] = {
+        side: stored_joints(records, frames, prefix) for side, prefix in prefixes.items()
+    }
+    hands = [hand_of(records, side, prefix, joints[side]) for side, prefix in prefixes.items()]
     turn = transforms.rotation_matrices(field(records, "objRot", frames, 3))
     name = object_name(records)
     folder = options.objects or base.ancestor(clip.path, 2) / "models"
     motion = transforms.rigid_matrices(turn, field(records, "objTrans", frames, 3))
-    checks = base.CrossChecks(
-        {
-            side: stored_joints(records, frames, prefix) @ OPENCV_FROM_OPENGL
-            for side, prefix in prefixes.items()
-        }
-    )
+    checks = base.CrossChecks({side: own @ OPENCV_FROM_OPENGL for side, own in joints.items()})
     meshes = {f"ho3d_{name}": find_mesh([folder / name / "textured_simple.obj"], name)}
     motion = to_opencv(frames) @ motion
     return base.ClipParts(f"{title} {clip.name}", hands, meshes, motion, cross_checks=checks)
 
 
 def hand_of(
-    records: dict[int, Record], frames: int, side: Side, prefix: str
+    records: dict[int, Record], side: Side, prefix: str, joints: Array
 ) -> base.ManoParameters:
-    """One hand, with the mean of the betas of its frames."""
+    """One hand with its `stored_joints`, and the mean of the betas of its frames."""
+    frames = len(joints)
     pose = field(records, f"{prefix}Pose", frames, 48)
     betas = field(records, "handBeta", frames, 10)
     betas = betas[np.isfinite(betas).all(1)]
-    joints = builders.joints_if_complete(stored_joints(records, frames, prefix), pose)
-    places = {"joints": joints, "to_world": to_opencv(frames)}
+    places = {
+        "joints": builders.joints_if_complete(joints, pose),
+        "to_world": to_opencv(frames),
+    }
     mean = betas.mean(0) if len(betas) else None
     return base.ManoParameters(
         side, pose, field(records, f"{prefix}Trans", frames, 3), mean, **places

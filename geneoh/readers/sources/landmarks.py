@@ -131,17 +131,17 @@ def own_landmarks(value: Any, where: str) -> Landmarks:
 
 def own_record(value: Any, where: str) -> Record:
     """The fields of a JSON of our own schema, of a version that is read."""
-    if is_own(value) and "format" not in value:
-        raise InputError(
-            f"{where}: these are frames of a stream; pipe them through geneoh denoise --stream, "
-            "or save their fields in one npz (the page on the file format)"
-        )
     if not is_own(value):
         got = quoted(value) if isinstance(value, dict) else described(value)
         raise InputError(
             f"{where}: expected hands, as results of MediaPipe (hand_world_landmarks or "
             "worldLandmarks) or frames with points by their names (wrist, thumb_cmc, ...), got "
             f"{got} without any; see the page on estimators"
+        )
+    if "format" not in value:
+        raise InputError(
+            f"{where}: these are frames of a stream; pipe them through geneoh denoise --stream, "
+            "or save their fields in one npz (the page on the file format)"
         )
     record = as_record(value, where, AS_DESCRIBED)
     if record.text("format") != FORMAT:
