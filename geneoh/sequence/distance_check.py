@@ -30,7 +30,8 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: other units, another frame, other object."""
     nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
-        tried = [(gap, words) for gap, words in other_readings(hand, motion) if gap < FARTHEST_HAND]
+        readings = other_readings(hand, motion, nearest)
+        tried = [(gap, words) for gap, words in readings if gap < FARTHEST_HAND]
         best = min(gap for gap, _ in tried) if tried else 0.0
         remedy = "; or ".join(words for gap, words in tried if gap < best + ALIKE) or (
             "check that both are in metres and in the same frame, and that the object's poses are "
@@ -42,9 +43,11 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
         )
 
 
-def other_readings(hand: HandTrack, motion: ObjectTrack) -> Iterator[tuple[float, str]]:
+def other_readings(
+    hand: HandTrack, motion: ObjectTrack, nearest: float
+) -> Iterator[tuple[float, str]]:
     """Metres from the wrist to the object, 0 inside, as other readings of the same numbers have it;
-    and what to do where one of them is right."""
+    and what to do where one of them is right. As they are read it is `nearest`."""
     gap = max(least_distance(hand, inverted(motion)), 0.0)
     yield (
         gap,
@@ -57,7 +60,7 @@ def other_readings(hand: HandTrack, motion: ObjectTrack) -> Iterator[tuple[float
         "OpenCV and OpenGL; negate y and z of the hand",
     )
     for scale in SCALES:
-        if scale < 1 and least_distance(hand, motion) < TOO_FAR:
+        if scale < 1 and nearest < TOO_FAR:
             continue
         scaled = replace(motion, translation=scale * motion.translation)
         yield (

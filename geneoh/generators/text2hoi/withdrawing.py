@@ -56,9 +56,10 @@ def withdrawn(
         found = depths(ways, way.repeat(count), solids, table, other)
         forced = ways.wrist.unflatten(0, (count, -1)).diff(n=2, dim=1).norm(dim=-1).sum(1)
         best = (found.unflatten(0, (count, -1)).sum(1) + FORCED * forced).argmin()
-        mixed = frames.clone()
-        mixed[way] = len(frames) + best * len(way) + torch.arange(len(way))
-        hand = concatenated([hand, ways], "N").take(mixed, "N")
+        taken = ways.take(best * len(way) + torch.arange(len(way)), "N")
+        hand = HeldHands(
+            hand.pose.index_copy(0, way, taken.pose), hand.wrist.index_copy(0, way, taken.wrist)
+        )
     return hand
 
 
