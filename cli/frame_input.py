@@ -1,0 +1,80 @@
+"""Frames of standard input as they come: JSON lines, or msgpack maps one after the other."""
+
+import json
+from collections.abc import Iterator
+from typing import Any, BinaryIO
+
+import msgpack
+
+from geneoh.errors import InputError
+
+LONGEST = 2**20
+"""Bytes of a frame, so that input without an end of line fills no memory."""
+MSGPACK_MAPS = (*range(0x80, 0x90), 0xDE, 0xDF)
+"""First bytes of a msgpack map, with none of which JSON begins."""
+
+Fields = dict[str, Any]
+
+
+def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
+    """Whether frames come as msgpack, and their fields with what messages call each of them."""
+    first = source.read(1)
+    packed = bool(first) and first[0] in MSGPACK_MAPS
+    return packed, (packed_frames if packed else line_frames)(first, source)
+
+
+def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
+    """Frames as msgpack maps, of which the first byte is read."""
+    unpacker = msgpack.Unpacker(max_buffer_size=LONGEST)
+    number, given, taken = 1, 0, 0  # the next frame; bytes
+    while first or (first := source.read1(LONGEST // 2)):  # pyright: ignore[reportAttributeAccessIssue]
+        given += len(first)
+        while True:
+            where = f"standard input, frame {number}"
+            try:
+                unpacker.feed(first)
+                first = b""
+                fields = unpacker.unpack()
+            except msgpack.OutOfData:
+                break
+            except (msgpack.UnpackException, msgpack.BufferFull, ValueError) as error:
+                raise _no_map(where, type(error).__name__) from error
+            if not isinstance(fields, dict):
+                raise _no_map(where, f"{fields!r:.40}")
+            number, taken = number + 1, unpacker.tell()
+            yield where, fields
+    if taken < given:
+        raise _no_map(f"standard input, frame {number}", "the beginning of one")
+
+
+def _no_map(where: str, found: str) -> InputError:
+    return InputError(
+        f"{where}: expected a frame as a msgpack map of at most {LONGEST} bytes with names as its "
+        f"keys, got {found}; correct it"
+    )
+
+
+def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
+    """Frames as lines of JSON, of which the first byte is read; blank lines are passed over."""
+    number = 0
+    while line := first + (b"" if first == b"\n" else source.readline(LONGEST + 1)):
+        first = b""
+        number += 1
+        where = f"standard input, line {number}"
+        if len(line) > LONGEST:
+            raise InputError(
+                f"{where}: expected one frame of at most {LONGEST} bytes, got a longer line; write "
+                "one JSON object for each frame, with an end of line after it"
+            )
+        if not line.strip():
+            continue
+        try:
+            fields = json.loads(line)
+        except (ValueError, RecursionError):
+            fields = None
+        if not isinstance(fields, dict):
+            raise InputError(
+                f"{where}: expected a frame as a JSON object in one line, such as "
+                f'{{"right_joints": [[x, y, z], ...]}}, got {line[:40]!r}; correct it'
+            )
+        yield where, fields
