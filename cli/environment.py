@@ -12,7 +12,7 @@ def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
     """All that is known of this installation, as JSON can hold it."""
     from geneoh.denoisers import library as denoisers
     from geneoh.generators.both2hands import library as both2hands
-    from geneoh.generators.text2hoi import library as text2hoi
+    from geneoh.generators.text2hoi.networks import library as text2hoi
 
     return {
         "versions": versions(),

@@ -16,12 +16,12 @@ import numpy as np
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh_files import meshes_of
-from geneoh.pipeline.first_look import SECONDS
 from geneoh.pipeline.options import Options
-from geneoh.pipeline.stream import CleanFrame, Stream
+from geneoh.pipeline.streaming.first_look import SECONDS
+from geneoh.pipeline.streaming.stream import CleanFrame, Stream
 from geneoh.readers.clock import ASSUMED_FPS, CLOCK_NAMES, clock_of
-from geneoh.readers.npz_files import hand_arrays
-from geneoh.readers.npz_layouts import HAND_FIELDS, own_names
+from geneoh.readers.npz.files import hand_arrays
+from geneoh.readers.npz.layouts import HAND_FIELDS, own_names
 from geneoh.readers.records import Record
 
 from . import options

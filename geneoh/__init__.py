@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from geneoh.pipeline.results import Denoised as Denoised
     from geneoh.pipeline.results import save as save
     from geneoh.pipeline.smplx_layer import to_smplx as to_smplx
-    from geneoh.pipeline.stream import Stream as Stream
+    from geneoh.pipeline.streaming.stream import Stream as Stream
     from geneoh.readers.arrays import from_arrays as from_arrays
-    from geneoh.readers.npz_files import load as load
+    from geneoh.readers.npz.files import load as load
     from geneoh.readers.recordings import read as read
     from geneoh.sequence.sequence import HandTrack as HandTrack
     from geneoh.sequence.sequence import ObjectTrack as ObjectTrack
@@ -61,9 +61,9 @@ _MODULES = {
     "pipeline.options": ("Options",),
     "pipeline.results": ("Denoised", "save"),
     "pipeline.smplx_layer": ("to_smplx",),
-    "pipeline.stream": ("Stream",),
+    "pipeline.streaming.stream": ("Stream",),
     "readers.arrays": ("from_arrays",),
-    "readers.npz_files": ("load",),
+    "readers.npz.files": ("load",),
     "readers.recordings": ("read",),
     "sequence.sequence": ("HandTrack", "ObjectTrack", "Sequence"),
     "viz.view": ("view",),

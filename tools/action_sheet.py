@@ -19,7 +19,7 @@ from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import read_actions
-from geneoh.synthesis.actions import FPS, VERBS, Actions
+from geneoh.synthesis.actions.action import FPS, VERBS, Actions
 from geneoh.viz.camera import Camera, axes_towards
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
 from geneoh.viz.picture import Picture

@@ -26,9 +26,9 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, contact_agreement
 from geneoh.pipeline import touch
-from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
+from geneoh.pipeline.stages.alone import measure_hand
 from geneoh.seeds import seed_of, seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.normalisation import normalised_hands

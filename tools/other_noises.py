@@ -26,7 +26,7 @@ from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.scans import Scans, read_folder
+from geneoh.synthesis.shapes.scans import Scans, read_folder
 from tools.noisy_objects.clips import EXAMPLES, scans_of
 
 Error = Callable[[HandTrack, torch.Generator], HandTrack]

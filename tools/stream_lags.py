@@ -18,7 +18,7 @@ from geneoh.baselines.filters import TUNED, Domain, FilterKind, filtered
 from geneoh.bundle import concatenated
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import RADIUS_90
-from geneoh.pipeline.stream import Stream
+from geneoh.pipeline.streaming.stream import Stream
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence

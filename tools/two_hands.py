@@ -39,11 +39,11 @@ from geneoh.sequence.gaps import fill_gaps, filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.attempts import draw_attempts, tried_grasps
-from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.scans import read_folder
-from geneoh.synthesis.solids import Solids
+from geneoh.synthesis.grasping.bimanual import BimanualConfig, grasp_directions, pair_hands
+from geneoh.synthesis.motions.motion import Interactions, animate
+from geneoh.synthesis.shapes.scans import read_folder
+from geneoh.synthesis.shapes.solids import Solids
 from tools.noisy_objects.clips import EXAMPLES, scans_of
 
 FRAMES = 90

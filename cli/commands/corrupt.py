@@ -38,7 +38,7 @@ def corrupt(
     import torch
 
     from geneoh.files.outputs import check_outputs
-    from geneoh.readers.npz_files import load, save_sequence
+    from geneoh.readers.npz.files import load, save_sequence
     from geneoh.sequence.noise import corrupt_sequence
     from geneoh.sequence.object_noise import corrupt_object
 

@@ -179,9 +179,9 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
 def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     """A network of the generator to learn, the weights to start from, and words on its data."""
-    from geneoh.generators.text2hoi.library import SHIPPED
-    from geneoh.generators.text2hoi.stages import Learned
-    from geneoh.generators.text2hoi.stages import generator_task as task_of
+    from geneoh.generators.text2hoi.learning.stages import Learned
+    from geneoh.generators.text2hoi.learning.stages import generator_task as task_of
+    from geneoh.generators.text2hoi.networks.library import SHIPPED
     from geneoh.readers.base import ReaderOptions
     from geneoh.training.data import parsed_source
     from geneoh.training.start import weights_for

@@ -16,7 +16,7 @@ from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.results import Denoised, save
 from geneoh.readers.base import SourceClip
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import options_with_files, read_clip, source_named
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence

@@ -17,8 +17,8 @@ from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import hand_of_betas
 from geneoh.readers.meshes import obj_text
-from geneoh.readers.npz_files import load, save_sequence
-from geneoh.readers.npz_layouts import OBJECT_FIELDS, read_fields
+from geneoh.readers.npz.files import load, save_sequence
+from geneoh.readers.npz.layouts import OBJECT_FIELDS, read_fields
 from geneoh.sequence.sequence import Sequence
 
 LOG = logging.getLogger(__name__)

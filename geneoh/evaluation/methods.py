@@ -22,11 +22,11 @@ from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
-from geneoh.pipeline.context import stage_context
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.inputs import checked_interaction
 from geneoh.pipeline.options import NEEDED_TO_REFINE, Options
 from geneoh.pipeline.results import Denoised
+from geneoh.pipeline.stages.context import stage_context
 from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.normalisation import normalised_hands

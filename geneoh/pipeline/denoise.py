@@ -19,18 +19,18 @@ from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.refine import refine_object
-from geneoh.pipeline.examined import examined, trusted
-from geneoh.pipeline.exchange import without_exchange
-from geneoh.pipeline.faults import without_faults
+from geneoh.pipeline.examination.examined import examined, trusted
+from geneoh.pipeline.examination.exchange import without_exchange
+from geneoh.pipeline.examination.faults import without_faults
+from geneoh.pipeline.examination.rays import with_found_rays
+from geneoh.pipeline.examination.shots import common_shots, joined_shots, told_of
 from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.rays import with_found_rays
 from geneoh.pipeline.results import Denoised, HandResult
-from geneoh.pipeline.shots import common_shots, joined_shots, told_of
 from geneoh.progress import OnProgress
-from geneoh.readers.convention_check import doubts
+from geneoh.readers.checks.convention import doubts
 from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier

@@ -19,10 +19,10 @@ from geneoh.hand.model import ShapedHand
 from geneoh.metrics.contact import depth_between
 from geneoh.metrics.report import through_walls
 from geneoh.objects.evidence import doubt
-from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
+from geneoh.pipeline.stages.alone import measure_hand
 from geneoh.pipeline.touch import REACH, finger_contact
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts

@@ -19,7 +19,7 @@ from geneoh.objects.carrying import carrier_of
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
 from geneoh.pipeline.fitted import FittedHand
 from geneoh.pipeline.presets import Preset
-from geneoh.pipeline.stage_run import StageRun
+from geneoh.pipeline.stages.run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.sequence import HandTrack

@@ -9,7 +9,7 @@ from torch import Tensor
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning
 from geneoh.geometry.mesh_files import meshes_of
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence, collapsed, without_collapsed

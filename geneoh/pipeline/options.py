@@ -13,7 +13,7 @@ from geneoh.config import check_fields, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
 from geneoh.readers.arrays import MESH_NAMES
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 
 NEEDED_TO_REFINE: tuple[Ablation, ...] = ("object", "mesh")
 """Parts of the method without which the object is not examined."""

@@ -20,7 +20,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.metrics.report import InteractionReport
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 

@@ -9,8 +9,8 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.metrics.report import InteractionReport
-from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.pipeline.stages.alone import measure_hand
 from geneoh.pipeline.touch import REACH
 from geneoh.sequence.resample import at_times, instants
 from geneoh.sequence.sequence import HandTrack, Sequence

@@ -15,8 +15,8 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, dates_in, is_column, length_of
-from geneoh.readers.npz_files import sequence_in
-from geneoh.readers.npz_layouts import (
+from geneoh.readers.npz.files import sequence_in
+from geneoh.readers.npz.layouts import (
     CAMERA_FIELDS,
     FORMAT,
     OBJECT_FIELDS,

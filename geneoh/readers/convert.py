@@ -21,9 +21,9 @@ from geneoh.files.journal import CONVERTED, append_journal, begin_journal, only_
 from geneoh.files.outputs import check_outputs, keep_others
 from geneoh.geometry.mesh import Mesh, size_warning
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
-from geneoh.readers.convention_check import contradictions
+from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.meshes import obj_text
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.npz.files import save_sequence
 from geneoh.readers.object_poses import ObjectPoses
 from geneoh.readers.recordings import read_clip, refuse_unused
 from geneoh.readers.registry import Source

@@ -14,7 +14,7 @@ from geneoh.files.npz import Arrays
 from geneoh.files.outputs import is_ours
 from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import MESH_SUFFIXES, load_mesh
-from geneoh.readers.npz_layouts import MESH_FIELDS
+from geneoh.readers.npz.layouts import MESH_FIELDS
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
 

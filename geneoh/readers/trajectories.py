@@ -19,7 +19,12 @@ from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of, unreadable
 from geneoh.geometry.mesh import METRES
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
-from geneoh.readers.column_names import Coordinate, columns_called, coordinate_in, plain_name
+from geneoh.readers.column_names import (
+    Coordinate,
+    columns_called,
+    coordinate_in,
+    plain_name,
+)
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text
 from geneoh.readers.records import FRAME_LIMIT, Array, as_record
 from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw

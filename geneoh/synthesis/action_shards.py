@@ -10,15 +10,15 @@ from geneoh.bundle import concatenated
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import all_tensors
 from geneoh.streamed import Streamed
-from geneoh.synthesis.acting import ActingConfig, act
-from geneoh.synthesis.action_setups import stands_upright
-from geneoh.synthesis.actions import LONGEST, VERBS, Actions
+from geneoh.synthesis.actions.acting import ActingConfig, act
+from geneoh.synthesis.actions.action import LONGEST, VERBS, Actions
+from geneoh.synthesis.actions.setups import stands_upright
 from geneoh.synthesis.attempts import draw_attempts, tried_grasps
-from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.jointed_families import JOINTED_FAMILIES
-from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.scans import Scans
+from geneoh.synthesis.grasping.bimanual import BimanualConfig, grasp_directions, pair_hands
+from geneoh.synthesis.shapes.jointed_families import JOINTED_FAMILIES
+from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.scans import Scans
 from geneoh.synthesis.shards import find_shards, refuse_damage, scans_of, shard_record, whole_shard
 
 

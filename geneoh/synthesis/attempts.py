@@ -11,13 +11,13 @@ from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
-from geneoh.synthesis.bimanual import bimanual_objects, grasp_directions, pair_hands
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.grasps import Grasps, shifted_grips, synthesize_grasps
-from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.objects import FAMILIES, draw_objects
-from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.solids import Solids
+from geneoh.synthesis.grasping.bimanual import bimanual_objects, grasp_directions, pair_hands
+from geneoh.synthesis.grasping.grasps import Grasps, shifted_grips, synthesize_grasps
+from geneoh.synthesis.motions.motion import Interactions, animate
+from geneoh.synthesis.shapes.objects import FAMILIES, draw_objects
+from geneoh.synthesis.shapes.scans import Scans
+from geneoh.synthesis.shapes.solids import Solids
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 from geneoh.config import check_limits
 from geneoh.errors import ConfigError
-from geneoh.synthesis.bimanual import BimanualConfig
-from geneoh.synthesis.grasps import GraspConfig
-from geneoh.synthesis.motion import AnimationConfig
-from geneoh.synthesis.objects import FAMILIES, family_named
-from geneoh.synthesis.scans import Scans
+from geneoh.synthesis.grasping.bimanual import BimanualConfig
+from geneoh.synthesis.grasping.grasps import GraspConfig
+from geneoh.synthesis.motions.motion import AnimationConfig
+from geneoh.synthesis.shapes.objects import FAMILIES, family_named
+from geneoh.synthesis.shapes.scans import Scans
 
 MOST_FRAMES = 9000
 """Frames of the longest clip: five minutes, in which a body walks 500 m; a shard whose numbers are

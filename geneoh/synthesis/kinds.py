@@ -13,7 +13,7 @@ from geneoh.synthesis.attempts import synthesize_shard
 from geneoh.synthesis.data_config import ShardConfig
 from geneoh.synthesis.gestures import shards as gesture_shards
 from geneoh.synthesis.gestures.manipulation import ActionSource
-from geneoh.synthesis.scans import find_scans
+from geneoh.synthesis.shapes.scans import find_scans
 from geneoh.synthesis.shards import ShardSource
 
 

@@ -17,9 +17,9 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import PosedHand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.attempts import Attempts, draw_attempts
-from geneoh.synthesis.clearance import MovingSolids
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.clearance import MovingSolids
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import (
     read_shard,
     scans_of,

@@ -22,9 +22,9 @@ from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.attempts import synthesize_shard
 from geneoh.synthesis.data_config import ShardConfig, SynthesisConfig
-from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.scans import FILE, Scans, read_scans
+from geneoh.synthesis.motions.motion import Interactions
+from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.scans import FILE, Scans, read_scans
 from geneoh.workers.pool import in_processes
 
 

@@ -18,7 +18,7 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws, Part
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.training.augmentation import augmented, with_kept_contact
 from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption

@@ -23,8 +23,8 @@ from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
 from geneoh.streamed import Streamed
 from geneoh.synthesis.data_config import ShardConfig, SynthesisConfig
-from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.scans import FILE
+from geneoh.synthesis.motions.motion import Interactions
+from geneoh.synthesis.shapes.scans import FILE
 from geneoh.synthesis.shards import (
     DEFAULTS,
     ShardRecord,

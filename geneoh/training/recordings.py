@@ -30,14 +30,14 @@ from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
 from geneoh.readers.convert import mesh_files
 from geneoh.readers.meshes import mesh_beside
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named, with_distinct_names
 from geneoh.representation.region import ObjectSurface
 from geneoh.seeds import seed_of
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import runs
-from geneoh.synthesis.solids import PARTS
+from geneoh.synthesis.shapes.solids import PARTS
 
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
 PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")

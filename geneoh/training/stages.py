@@ -20,7 +20,7 @@ from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Part
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig

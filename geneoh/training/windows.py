@@ -16,7 +16,7 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from geneoh.interrupts import interrupts_wait
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import bvh_text
 from geneoh.readers.bodies.smpl import body_fields
-from geneoh.readers.npz_files import motion_arrays
+from geneoh.readers.npz.files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
 from geneoh.viz.glb import glb_bytes, turn_to_y_up
 from geneoh.viz.look import DEFAULT_LOOK, Look

@@ -10,14 +10,14 @@ from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.gestures import shards as gesture_shards
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
-from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import NoFirstGraspsError, Replay, replay_shard
+from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.solids import PARTS
+from geneoh.synthesis.shapes.surface import mesh_of_solid, spacing_for_looks
 from geneoh.synthesis.shards import find_shards
-from geneoh.synthesis.solids import PARTS
-from geneoh.synthesis.surface import mesh_of_solid, spacing_for_looks
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
 from geneoh.viz.look import DEFAULT_LOOK, Look

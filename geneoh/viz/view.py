@@ -19,7 +19,7 @@ from geneoh.modes import undisturbed
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples, no_result
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.read import own_body
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look
 from geneoh.viz.outputs import check_scene_outputs, write

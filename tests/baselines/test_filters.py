@@ -21,7 +21,7 @@ from geneoh.baselines.filters import (
     unwrapped,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from tools.tune_filters import noisy_pairs, tuned
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -7,7 +7,7 @@ from bad_inputs import REFUSED, TOLD, write_good
 from trees import write_mano
 
 from geneoh.choices import NOISES
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

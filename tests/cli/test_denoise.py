@@ -10,8 +10,8 @@ import quick_presets
 from bad_inputs import CANARY, REFUSED, TOLD, with_arrays, write_good
 from pages import page_scene
 
-from geneoh.readers.convention_check import doubts
-from geneoh.readers.npz_files import load
+from geneoh.readers.checks.convention import doubts
+from geneoh.readers.npz.files import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUN = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")

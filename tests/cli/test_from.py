@@ -8,7 +8,7 @@ from bad_inputs import good_arrays, millimetre_mesh, with_arrays, write_good
 from trees import FRAMES, scene, write_mesh
 
 from geneoh.readers.joint_orders import ORDERS
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import read
 
 

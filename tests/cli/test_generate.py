@@ -11,8 +11,8 @@ import trimesh
 import geneoh
 from geneoh.generators.text2hoi import generate as module
 from geneoh.generators.text2hoi.generate import Generated
-from geneoh.generators.text2hoi.jointed import asked_joint, joined
-from geneoh.generators.text2hoi.prompt import read_prompt
+from geneoh.generators.text2hoi.physics.jointed import asked_joint, joined
+from geneoh.generators.text2hoi.sentences.prompt import read_prompt
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh_cli.reports import mended_hands
 

@@ -12,7 +12,7 @@ from geneoh.generators.both2hands import on_body
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.readers.bodies.read import read_body
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 
 SENTENCE = "the right hand waves, the left rests"
 

@@ -9,7 +9,7 @@ from bad_inputs import write_good
 
 import geneoh as geneoh_api
 from geneoh.errors import InputError
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 
 DENOISE = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
 CORRUPT = ("corrupt", "hand.npz", "--noise", "gauss", "-o")

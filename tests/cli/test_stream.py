@@ -14,11 +14,11 @@ from bad_inputs import BOX_CORNERS, good_arrays, write_mesh
 from click.testing import CliRunner
 
 from geneoh.denoisers.library import Denoisers
-from geneoh.pipeline import recent
-from geneoh.pipeline import stream as stream_module
-from geneoh.pipeline.stream import Stream
+from geneoh.pipeline.streaming import recent
+from geneoh.pipeline.streaming import stream as stream_module
+from geneoh.pipeline.streaming.stream import Stream
 from geneoh.readers.joint_orders import ORDERS
-from geneoh.readers.npz_files import hand_arrays
+from geneoh.readers.npz.files import hand_arrays
 
 RUN = ("denoise", "--stream", "--lag", "0.1")
 

@@ -9,7 +9,7 @@ from trees import write_mano
 from trees.labelled import POUR_MILK, labelled_h2o
 
 from geneoh.choices import ACTION_STAGES
-from geneoh.generators.text2hoi.library import SHIPPED, load_text2hoi
+from geneoh.generators.text2hoi.networks.library import SHIPPED, load_text2hoi
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.replay import NoFirstGraspsError

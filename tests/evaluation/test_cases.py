@@ -19,7 +19,7 @@ from geneoh.metrics.accuracy import mpjpe
 from geneoh.metrics.report import measure_posed
 from geneoh.sequence.validation import check_sequence
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.shapes.objects import draw_objects
 
 
 def find_cases(dataset, root=None, *, options=None, **asked):

@@ -34,7 +34,7 @@ from geneoh.evaluation.scores import CaseScorer
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 from geneoh.pipeline.options import Options
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.npz.files import save_sequence
 from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
 

@@ -36,7 +36,7 @@ from geneoh.evaluation.scores import Score
 from geneoh.files.fingerprints import PACKAGES
 from geneoh.files.journal import SCORED, append_journal
 from geneoh.pipeline.options import Options
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 
 INPUT = Method("input", unchanged)
 METHODS = (INPUT, Method("savgol", partial(filtered_hand, kind="savgol", domain="keypoints")))

@@ -114,7 +114,7 @@ def stop(*_: object, **__: object) -> None:
 
 def sound_result(path: Path) -> bool:
     """Whether a result can be read and every hand has a finite place in every frame."""
-    from geneoh.readers.npz_files import load
+    from geneoh.readers.npz.files import load
 
     hands = load(path).hands
     return all(bool(torch.isfinite(hand.joints).all()) for hand in hands)

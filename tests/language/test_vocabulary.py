@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from geneoh.language.vocabulary import VERB_WORDS, noun_of
-from geneoh.synthesis.actions import VERBS
-from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.actions.action import VERBS
+from geneoh.synthesis.shapes.objects import FAMILIES
 
 SCANS = Path(__file__).parents[2] / "examples" / "objects"
 

@@ -7,7 +7,7 @@ import geneoh
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.palms import palm_of
 from geneoh.objects.sharpening import sharpened
-from geneoh.readers.delay_check import hand_delay
+from geneoh.readers.checks.delay import hand_delay
 from geneoh.sequence.resample import with_hands_earlier
 from geneoh.sequence.sequence import Sequence
 from tools.noisy_objects.clips import clip_of, with_noisy_hand

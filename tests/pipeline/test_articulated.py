@@ -7,9 +7,9 @@ import torch
 import trees
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.pipeline import stage_run
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
+from geneoh.pipeline.stages import run
 
 
 @pytest.fixture(scope="module")
@@ -21,14 +21,14 @@ def regions(arctic):
 
 def regions_of(sequence):
     """The contact points of each hand of a sequence."""
-    found, real = [], stage_run.denoise_motion
+    found, real = [], run.denoise_motion
 
     def spy(denoiser, hand, context, *rest, **options):
         found.append(context.region(hand.joints))
         return real(denoiser, hand, context, *rest, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stage_run, "denoise_motion", spy)
+        patch.setattr(run, "denoise_motion", spy)
         denoise(sequence, Options(preset="fast"))
     return found
 

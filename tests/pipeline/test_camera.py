@@ -9,7 +9,7 @@ import torch
 
 from geneoh.geometry.mirror import mirror_points
 from geneoh.pipeline.options import Options
-from geneoh.pipeline.stage_run import StageRun
+from geneoh.pipeline.stages.run import StageRun
 from geneoh.sequence.camera import seen_from
 
 pipeline = importlib.import_module("geneoh.pipeline.denoise")

@@ -11,7 +11,7 @@ from geneoh.sequence import windows
 
 SMALL = {
     "geneoh.sequence.windows.BLOCK": 50,
-    "geneoh.pipeline.context.WINDOWS_AT_ONCE": 1,
+    "geneoh.pipeline.stages.context.WINDOWS_AT_ONCE": 1,
     "geneoh.denoisers.spatial.HANDS_AT_ONCE": 1,
 }
 """Sizes at which 146 frames are a long track."""

@@ -11,7 +11,7 @@ import geneoh
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import load_hand
 from geneoh.metrics.contact import TOUCH
-from geneoh.pipeline.alone import measure_hand
+from geneoh.pipeline.stages.alone import measure_hand
 from geneoh.pipeline.touch import NEARER, finger_contact, verts_of_fingers
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.normalisation import normalised_hands

@@ -16,9 +16,9 @@ from geneoh.hand.library import load_hand
 from geneoh.readers import convert as convert_module
 from geneoh.readers import recordings as recordings_module
 from geneoh.readers.base import ReaderOptions, Recording
-from geneoh.readers.convention_check import contradictions
+from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.convert import convert, notes_on
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.readers.object_poses import ObjectPoses
 from geneoh.readers.recordings import find_clips, read_one, source_named
 from geneoh.readers.sources import landmarks

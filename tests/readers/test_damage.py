@@ -11,7 +11,7 @@ from trees import CASES
 from geneoh.files.journal import LOCK
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convert import convert
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
 

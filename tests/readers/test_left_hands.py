@@ -9,7 +9,7 @@ import trees
 from trees import FLIP, scene
 
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.npz_files import load, save_sequence
+from geneoh.readers.npz.files import load, save_sequence
 from geneoh.readers.recordings import read_one
 
 TARGET = "_stir__spoon__bowl_/20230917_001_target"

@@ -11,7 +11,7 @@ from trees import CASES, Case, Scene, cameras, opened, scene, written
 import geneoh
 from geneoh.errors import InputError
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.convention_check import contradictions
+from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.convert import convert
 from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.recordings import source_named

@@ -10,7 +10,7 @@ from draws import seeded
 from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.sequence.noise import SIZES, corrupt, corrupt_sequence, draw_noise, draw_ray
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.presets import StagePlan
+from geneoh.pipeline.stages.context import StageContext
 from geneoh.representation.parameters import HandParameters
 
 PLAN = StagePlan(400, 3)

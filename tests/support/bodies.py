@@ -13,7 +13,7 @@ from geneoh.body.skeleton import embedded_skeleton
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, turn_up
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.smpl import body_fields
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 

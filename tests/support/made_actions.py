@@ -9,10 +9,10 @@ from pathlib import Path
 import torch
 
 from geneoh.generators.text import TextEncoder
-from geneoh.generators.text2hoi.standing import StandingObject
+from geneoh.generators.text2hoi.physics.standing import StandingObject
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.action_shards import DEFAULTS
-from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.synthesis.shards import ShardRecord, write_clips
 
 NAMES = ("mug", "drawer", "gso_black_razer_mouse")

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from geneoh.synthesis.solids import FAR, SOLIDS, Solids
+from geneoh.synthesis.shapes.solids import FAR, SOLIDS, Solids
 
 
 def solid(

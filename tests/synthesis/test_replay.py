@@ -14,10 +14,10 @@ from geneoh.hand.skeleton import bone_lengths
 from geneoh.synthesis import attempts
 from geneoh.synthesis.attempts import Attempts
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.grasps import synthesize_grasps
-from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.grasping.grasps import synthesize_grasps
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.replay import Replay, replay_shard
+from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.synthesis.shards import read_shard, write_shards
 
 TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6, grasps=ANY_GRASP)

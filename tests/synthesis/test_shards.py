@@ -20,12 +20,12 @@ from geneoh.seeds import seed_of
 from geneoh.synthesis import attempts
 from geneoh.synthesis.action_shards import read_actions
 from geneoh.synthesis.attempts import synthesize_shard
-from geneoh.synthesis.bimanual import BimanualConfig
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.gestures.shards import read_gestures
-from geneoh.synthesis.grasps import synthesize_grasps
-from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.grasping.bimanual import BimanualConfig
+from geneoh.synthesis.grasping.grasps import synthesize_grasps
+from geneoh.synthesis.motions.motion import Interactions
+from geneoh.synthesis.shapes.objects import FAMILIES
 from geneoh.synthesis.shards import (
     ShardRecord,
     read_shards,

@@ -3,7 +3,7 @@ from made_actions import box_actions
 
 from geneoh.evaluation.generation.measures import posed_actions
 from geneoh.streamed import Streamed
-from geneoh.synthesis.actions import VERBS
+from geneoh.synthesis.actions.action import VERBS
 from tools.action_sheet import (
     CELL,
     FRAMES,

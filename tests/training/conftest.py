@@ -15,8 +15,8 @@ from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
 from geneoh.streamed import Streamed
-from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.motions.motion import Interactions, animate
+from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.training.config import TrainConfig
 
 

@@ -15,7 +15,7 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.training.augmentation import AugmentationConfig, KeptContactConfig
 from geneoh.training.batches import Batch, after_motion, draw_batch
 from geneoh.training.config import TrainConfig

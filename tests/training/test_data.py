@@ -13,7 +13,7 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.streamed import Streamed
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import shard_record, write_shards
 from geneoh.training.data import (
     DataSource,

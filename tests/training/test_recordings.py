@@ -18,7 +18,7 @@ from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.readers.base import ReaderOptions
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import read_shard
 from geneoh.training.recordings import ClipConfig, make_shards, recorded_shard, spans
 

@@ -14,7 +14,7 @@ from geneoh.errors import InputError
 from geneoh.streamed import Streamed
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import ShardRecord, read_shards, write_clips
 from geneoh.training.data import DataSource, evened, training_data
 from geneoh.training.stages import data_digest

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from geneoh.errors import InputError
 from geneoh.geometry.mesh_files import load_mesh
 from geneoh.readers.meshes import mesh_beside
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.viz.glb import glb_bytes, turn_to_y_up
 from geneoh.viz.look import Look

@@ -8,7 +8,7 @@ import trimesh
 
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.outputs import is_ours
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import video
 from geneoh.viz.outputs import write

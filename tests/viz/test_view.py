@@ -12,7 +12,7 @@ from pages import page_scene
 from PIL import Image
 
 from geneoh.errors import ConfigError, InputError, MissingAssetError
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
 from geneoh.viz.canvas import LEAST_COLUMN

@@ -17,13 +17,13 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.symmetry import Symmetry, find_symmetry
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import moved
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.synthesis.scans import MeshFolder, Scans, build_scans, read_folder
+from geneoh.synthesis.shapes.scans import MeshFolder, Scans, build_scans, read_folder
 from tools.noisy_objects.filters import FilterKind, filtered_as
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from geneoh.config import as_dict
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.seeds import seeded_generator
-from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig

@@ -15,7 +15,7 @@ from geneoh.metrics.realism import SurfacePoints, moved_alone, realistic_share, 
 from geneoh.metrics.report import measure_frames
 from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions import FPS, Actions
+from geneoh.synthesis.actions.action import FPS, Actions
 
 
 @dataclass(frozen=True)

@@ -11,21 +11,21 @@ from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import SIDES, Side
 from geneoh.errors import GeneOHError
 from geneoh.generators.text2hoi.generate import action_sequence
-from geneoh.generators.text2hoi.library import Text2HoiNetworks
-from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.passing import asked_giver
-from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
-from geneoh.generators.text2hoi.resting import eased, finished
-from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
+from geneoh.generators.text2hoi.learning.samples import ActionData, hands_of, sentences
+from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
+from geneoh.generators.text2hoi.networks.objects import Objects
+from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, refined_by
+from geneoh.generators.text2hoi.physics.resting import eased, finished
+from geneoh.generators.text2hoi.physics.settling import settled
+from geneoh.generators.text2hoi.physics.standing import StandingObject
 from geneoh.generators.text2hoi.sampling import sample_actions
-from geneoh.generators.text2hoi.settling import settled
-from geneoh.generators.text2hoi.standing import StandingObject
+from geneoh.generators.text2hoi.sentences.passing import asked_giver
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.reconstruction import mesh_of_points
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.draws import Draws
 from geneoh.workers.pool import results_of
 

@@ -39,22 +39,22 @@ from geneoh.evaluation.generation.scores import (
     scored_by,
 )
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
-from geneoh.generators.text2hoi.action_data import action_data
-from geneoh.generators.text2hoi.library import (
+from geneoh.generators.text2hoi.learning.action_data import action_data
+from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
+from geneoh.generators.text2hoi.learning.samples import ActionData
+from geneoh.generators.text2hoi.networks.library import (
     Text2HoiNetworks,
     load_refiner,
     load_text2hoi,
     text2hoi_weights,
 )
-from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.resting import finished
-from geneoh.generators.text2hoi.samples import ActionData
+from geneoh.generators.text2hoi.physics.resting import finished
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
 from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, read_actions
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.shards import find_shards
 from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress, trained

@@ -25,7 +25,7 @@ from geneoh.metrics.features import (
     top_accuracy,
 )
 from geneoh.seeds import seeded_generator
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions.action import Actions
 
 TOP = 3  # classes among which the right one must be (paper)
 REPETITIONS = 20  # (paper)

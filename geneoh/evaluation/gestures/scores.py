@@ -15,7 +15,7 @@ from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
-from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.gestures.clips import Gestures
 
 MEASURES = (

@@ -20,7 +20,7 @@ from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols import clips, synthetic
 from geneoh.readers.base import SourceClip
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.readers.registry import SOURCES
 from geneoh.readers.sources.grab import frames_of_touch
 from geneoh.readers.sources.hoi4d import CATEGORIES

@@ -19,12 +19,12 @@ from geneoh.hand.model import ShapedHand
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.grasps import Grasps, synthesize_grasps
-from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.solids import PARTS, Solids
-from geneoh.synthesis.surface import mesh_of_solid
+from geneoh.synthesis.grasping.grasps import Grasps, synthesize_grasps
+from geneoh.synthesis.motions.motion import Interactions, animate
+from geneoh.synthesis.shapes.objects import draw_objects
+from geneoh.synthesis.shapes.scans import Scans
+from geneoh.synthesis.shapes.solids import PARTS, Solids
+from geneoh.synthesis.shapes.surface import mesh_of_solid
 
 COUNT = 100  # number of clips
 FPS = 30.0

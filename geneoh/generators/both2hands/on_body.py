@@ -29,13 +29,13 @@ from geneoh.progress import OnProgress
 from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.bodies.smpl import body_fields
-from geneoh.readers.holding_check import TOUCHING_REACH
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.checks.holding import TOUCHING_REACH
+from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.distance_check import distance_to_object
 from geneoh.sequence.resample import rotations_over_frames
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.actions.action import FPS
 
 
 @dataclass(frozen=True)

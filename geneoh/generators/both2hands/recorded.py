@@ -26,7 +26,7 @@ from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
-from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.data import TrainingData
 from geneoh.training.held_out import held_names

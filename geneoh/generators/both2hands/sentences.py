@@ -6,8 +6,8 @@ from functools import cache
 from geneoh.choices import SIDES
 from geneoh.generators.pieces import words_of
 from geneoh.generators.sentences import check_english, refused
-from geneoh.generators.text2hoi import prompt
-from geneoh.generators.text2hoi.negation import rules_out, without_ruled_out
+from geneoh.generators.text2hoi.sentences import prompt
+from geneoh.generators.text2hoi.sentences.negation import rules_out, without_ruled_out
 from geneoh.language.conjugation import forms
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED

@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.generators.text2hoi.resting import moved_by_hands
+from geneoh.generators.text2hoi.physics.resting import moved_by_hands
 from geneoh.geometry.oriented_points import signed_to_points
-from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.contact_pads import hand_spheres
+from geneoh.synthesis.actions.action import Actions
+from geneoh.synthesis.grasping.contact_pads import hand_spheres
 
 ARM = 0.1
 """Metres from its middle, along each of its axes, at which an object is compared."""

@@ -14,17 +14,21 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields
 from geneoh.generators.text2hoi.choosing import missed_motion
-from geneoh.generators.text2hoi.jointed import JointedObject, asked_joint, joined
-from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_refiner, load_text2hoi
-from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.opening import rigid_part
-from geneoh.generators.text2hoi.passing import passed_by
-from geneoh.generators.text2hoi.prompt import JOINTED, Prompt, read_prompt
-from geneoh.generators.text2hoi.refiner import refined_by
-from geneoh.generators.text2hoi.resting import eased_time, finished
+from geneoh.generators.text2hoi.networks.library import (
+    Text2HoiNetworks,
+    load_refiner,
+    load_text2hoi,
+)
+from geneoh.generators.text2hoi.networks.objects import Objects
+from geneoh.generators.text2hoi.networks.refiner import refined_by
+from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
+from geneoh.generators.text2hoi.physics.opening import rigid_part
+from geneoh.generators.text2hoi.physics.resting import eased_time, finished
+from geneoh.generators.text2hoi.physics.settling import settled
+from geneoh.generators.text2hoi.physics.standing import StandingObject, stand_on_table
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
-from geneoh.generators.text2hoi.settling import settled
-from geneoh.generators.text2hoi.standing import StandingObject, stand_on_table
+from geneoh.generators.text2hoi.sentences.passing import passed_by
+from geneoh.generators.text2hoi.sentences.prompt import JOINTED, Prompt, read_prompt
 from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
@@ -35,10 +39,10 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.pipeline.retiming import result_at_times
 from geneoh.progress import OnProgress
-from geneoh.readers.npz_files import save_sequence
+from geneoh.readers.npz.files import save_sequence
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.synthesis.actions import FPS, Actions
+from geneoh.synthesis.actions.action import FPS, Actions
 
 
 @dataclass(frozen=True)

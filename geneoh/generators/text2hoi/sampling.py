@@ -11,15 +11,15 @@ from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
 from geneoh.generators.from_noise import Sampler, from_noise
 from geneoh.generators.smoothing import smoothed_clips
 from geneoh.generators.text2hoi.choosing import best_draws
-from geneoh.generators.text2hoi.interaction import Condition, InteractionNetwork
-from geneoh.generators.text2hoi.library import Text2HoiNetworks
-from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.passing import passed_by
-from geneoh.generators.text2hoi.resting import retimed
-from geneoh.generators.text2hoi.tokens import NUMBERS, Tokens, actions_of
+from geneoh.generators.text2hoi.networks.interaction import Condition, InteractionNetwork
+from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
+from geneoh.generators.text2hoi.networks.objects import Objects
+from geneoh.generators.text2hoi.networks.tokens import NUMBERS, Tokens, actions_of
+from geneoh.generators.text2hoi.physics.resting import retimed
+from geneoh.generators.text2hoi.sentences.passing import passed_by
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions.action import Actions
 
 UNKNOWN = -1
 """Verb and name of actions that are made for a sentence."""

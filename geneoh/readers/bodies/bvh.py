@@ -27,7 +27,7 @@ from geneoh.readers.bodies.base import BodyRecording, checked_body, upright_body
 from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
 from geneoh.readers.bodies.bvh_names import FINGER_WORDS, NEEDED, match_joints
 from geneoh.readers.clock import rate_of
-from geneoh.readers.npz_layouts import quoted
+from geneoh.readers.npz.layouts import quoted
 from geneoh.sequence.body_hands import hand_offsets
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "CMU's unit": 0.056444}

@@ -25,7 +25,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.bodies.base import BodyRecording, checked_body, upright_body
 from geneoh.readers.bodies.model import RestBody, read_model
 from geneoh.readers.clock import rate_of
-from geneoh.readers.npz_layouts import quoted
+from geneoh.readers.npz.layouts import quoted
 from geneoh.readers.records import Array, Notes, Record, as_record, float32
 from geneoh.readers.transforms import axis_angles, read_turns
 from geneoh.sequence.validation import LARGEST_ANGLE

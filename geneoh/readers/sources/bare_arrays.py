@@ -26,14 +26,15 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
-from geneoh.readers import base, builders, npz_layouts
+from geneoh.readers import base, builders
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
-from geneoh.readers.mediapipe import refuse_image_landmarks
-from geneoh.readers.missing_keypoints import without_missing
-from geneoh.readers.npz_hands import side_of
-from geneoh.readers.npz_objects import read_object
-from geneoh.readers.npz_tracks import frames_with_shape, observed_frames, read_confidence
+from geneoh.readers.keypoints.mediapipe import refuse_image_landmarks
+from geneoh.readers.keypoints.missing import without_missing
+from geneoh.readers.npz import layouts
+from geneoh.readers.npz.hands import side_of
+from geneoh.readers.npz.objects import read_object
+from geneoh.readers.npz.tracks import frames_with_shape, observed_frames, read_confidence
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -103,9 +104,9 @@ def _fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[s
     value = read_values(path)
     if not isinstance(value, dict):
         return named(value)
-    if str(value.get("format")) == npz_layouts.FORMAT:
+    if str(value.get("format")) == layouts.FORMAT:
         raise InputError(
-            f"{path}: expected bare arrays, got a {npz_layouts.FORMAT}, which needs no source; "
+            f"{path}: expected bare arrays, got a {layouts.FORMAT}, which needs no source; "
             "give it to `geneoh denoise` without --from"
         )
     return value
@@ -119,8 +120,8 @@ def said_beside(record: Record, options: base.ReaderOptions, notes: Notes) -> di
 
 def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:
     """A file's own object, unless the caller gives poses, and what is not read of the file."""
-    own = [name for name in npz_layouts.OBJECT_FIELDS[:3] if name in record]
-    camera = unread(record, npz_layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
+    own = [name for name in layouts.OBJECT_FIELDS[:3] if name in record]
+    camera = unread(record, layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
     if options.object_pose is not None or not own:
         return None, (*unread(record, own, "--object-pose"), *camera)
     motion = read_object(record, options.meshes, 1)
@@ -131,13 +132,13 @@ def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTr
 def unread(record: Record, names: Iterable[str], beside: str) -> Notes:
     """A note on fields that are read of an npz without a source, and not beside something."""
     found = [name for name in names if name in record]
-    return (f"{npz_layouts.quoted(found)} of the file: not read beside {beside}",) if found else ()
+    return (f"{layouts.quoted(found)} of the file: not read beside {beside}",) if found else ()
 
 
 def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Array, Notes]:
     """(T, ...) values of a field with NaN in the frames that are not observed, and notes."""
     finite = {name: torch.from_numpy(base.finite_frames(values))}
-    valid, notes = observed_frames(record, side, npz_layouts.JOINT_NAMES, finite)
+    valid, notes = observed_frames(record, side, layouts.JOINT_NAMES, finite)
     return np.where(valid.numpy().reshape(-1, *[1] * (values.ndim - 1)), values, np.nan), notes
 
 

@@ -1,8 +1,8 @@
 """Hand landmarks of MediaPipe, WebXR or OpenXR.
 
-MediaPipe's results as JSON are read as `geneoh.readers.mediapipe` says, other JSON with the points
-of hands as `geneoh.readers.json_hands` says, tables of points as CSV as
-`geneoh.readers.landmark_tables` says. JSON may also be in a small schema of our own:
+MediaPipe's results as JSON are read as `geneoh.readers.keypoints.mediapipe` says, other JSON with
+the points of hands as `geneoh.readers.keypoints.json_hands` says, tables of points as CSV as
+`geneoh.readers.keypoints.tables` says. JSON may also be in a small schema of our own:
 
     {"format": "geneoh-landmarks", "version": 1, "order": "openpose" | "webxr" | "openxr",
      "fps": 30, "camera": [0, 0, 0], "hands": {"right": [frame, ...], "left": [frame, ...]}}
@@ -28,14 +28,14 @@ from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders
+from geneoh.readers.checks.hands import curls_backward
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.hand_checks import curls_backward
-from geneoh.readers.json_hands import read_hands
-from geneoh.readers.landmark_tables import as_rows, points_in_rows, read_points
-from geneoh.readers.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
-from geneoh.readers.missing_keypoints import without_missing
-from geneoh.readers.npz_hands import side_of
-from geneoh.readers.npz_layouts import quoted
+from geneoh.readers.keypoints.json_hands import read_hands
+from geneoh.readers.keypoints.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
+from geneoh.readers.keypoints.missing import without_missing
+from geneoh.readers.keypoints.tables import as_rows, points_in_rows, read_points
+from geneoh.readers.npz.hands import side_of
+from geneoh.readers.npz.layouts import quoted
 from geneoh.readers.records import Record, as_record, described, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1

@@ -11,7 +11,7 @@ from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import Skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.actions import VERBS
+from geneoh.synthesis.actions.action import VERBS
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 

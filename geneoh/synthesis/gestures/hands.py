@@ -17,7 +17,7 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import Gesture, HandPose
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.gestures.variation import GestureTiming, HandSettings, Variation
-from geneoh.synthesis.schedule import minimum_jerk
+from geneoh.synthesis.motions.schedule import minimum_jerk
 
 OUTWARD = (-1.0, 1.0, 1.0)
 """From outward, upward, forward of the right hand to the body's x (to its left), y and z."""

@@ -16,7 +16,7 @@ from geneoh.files.fingerprints import file_digest
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.language.vocabulary import VERB_WORDS, noun_of, with_article
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, names_of_shard
-from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.synthesis.gestures.sentences import Doing
 from geneoh.synthesis.shards import find_shards
 

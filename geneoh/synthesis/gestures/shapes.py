@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.synthesis.pose_prior import curled
+from geneoh.synthesis.grasping.pose_prior import curled
 
 _MANO_FROM_NAMED = (1, 2, 4, 3, 0)  # thumb, index, middle, ring, pinky to MANO's order
 _APART = (1.0, 0.25, -1.0, -0.45)

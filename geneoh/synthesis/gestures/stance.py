@@ -11,9 +11,9 @@ from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_PARENTS, JOINT_NAMES, Skeleton, embedded_skeleton
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.seeds import seeded_generator
-from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.smoothing import smoothed_motion
+from geneoh.synthesis.motions.smoothing import smoothed_motion
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 FEET_SMOOTHING = 2.5  # deviation in frames of the filter on the pelvis over stepping feet

@@ -12,7 +12,7 @@ from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import JOINT_NAMES, Skeleton, embedded_skeleton
 from geneoh.choices import SIDES
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.both_hands import (
     Role,

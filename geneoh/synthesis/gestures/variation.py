@@ -9,10 +9,10 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.seeds import seeded_generator
-from geneoh.synthesis.actions import FPS
+from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import Gesture
-from geneoh.synthesis.schedule import minimum_jerk
+from geneoh.synthesis.motions.schedule import minimum_jerk
 
 VARIANTS = 10
 """Ways of making each gesture, which differ in place, direction, size, tempo and shape."""

@@ -14,9 +14,9 @@ from geneoh.evaluation.generation.rows import (
     refined,
     refined_clip,
 )
-from geneoh.generators.text2hoi.library import load_text2hoi
-from geneoh.generators.text2hoi.resting import eased, finished
-from geneoh.generators.text2hoi.samples import ActionData
+from geneoh.generators.text2hoi.learning.samples import ActionData
+from geneoh.generators.text2hoi.networks.library import load_text2hoi
+from geneoh.generators.text2hoi.physics.resting import eased, finished
 from geneoh.streamed import Streamed
 
 

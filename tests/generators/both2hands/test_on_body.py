@@ -19,7 +19,7 @@ from geneoh.generators.both2hands.on_body import (
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.bodies.read import object_of_body, own_body, read_body
-from geneoh.readers.npz_files import load
+from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh_cli.reports import hands_on_body
 

@@ -13,12 +13,12 @@ from two_parts import DEEP, HIGH, HINGE, box_with_lid
 import geneoh
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi import generate as module
-from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
-from geneoh.generators.text2hoi.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Text2HoiNetworks
-from geneoh.generators.text2hoi.resting import touching_hands
+from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
+from geneoh.generators.text2hoi.physics.resting import touching_hands
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.pipeline.results import Denoised
 

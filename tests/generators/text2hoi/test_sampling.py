@@ -8,14 +8,14 @@ from made_networks import TINY, answering, in_paper_form
 from geneoh.choices import DRAWS
 from geneoh.config import as_dict
 from geneoh.errors import CheckpointError, ConfigError
-from geneoh.generators.text2hoi import library
 from geneoh.generators.text2hoi import sampling as module
 from geneoh.generators.text2hoi.choosing import best_draws
-from geneoh.generators.text2hoi.contact import ContactNetwork
-from geneoh.generators.text2hoi.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import Text2HoiNetworks, load_text2hoi
-from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.networks import library
+from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks, load_text2hoi
+from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.sampling import (
     UNKNOWN,
     Text2HoiSampling,

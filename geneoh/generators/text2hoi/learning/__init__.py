@@ -1,0 +1,1 @@
+"""What the networks of Text2HOI learn from, and how."""

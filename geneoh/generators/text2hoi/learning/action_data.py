@@ -1,0 +1,239 @@
+"""What the networks of the generator learn from: made actions, or recordings of the user's.
+
+Each recording becomes a shard on disk; they are split by subject.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from geneoh.bundle import concatenated
+from geneoh.choices import ANNOTATED, AnnotatedSource
+from geneoh.errors import ConfigError, InputError
+from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
+from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
+from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, Surface, action_of
+from geneoh.generators.text2hoi.learning.samples import ActionData
+from geneoh.generators.text2hoi.sentences.annotation import has_labels, label_files, labels_of
+from geneoh.progress import OnProgress, OnStep
+from geneoh.readers.base import ReaderOptions, SourceClip
+from geneoh.readers.convert import mesh_files
+from geneoh.readers.dataset_reader import frames_to_keep
+from geneoh.readers.recordings import find_clips, source_named
+from geneoh.streamed import Streamed
+from geneoh.synthesis.action_shards import DEFAULTS, read_actions
+from geneoh.synthesis.actions.action import Actions
+from geneoh.training.data import DataSource, TrainingData, made_data
+from geneoh.training.recordings import files_of, written_shards
+
+FORMAT = 1  # of the shards; raised where the same files give other actions
+
+
+def action_data(
+    data: DataSource,
+    config: RecordedConfig,
+    cache: Path,
+    options: ReaderOptions,
+    on_progress: OnProgress | None = None,
+) -> TrainingData[ActionData]:
+    """Made actions of a folder, or those of recordings, whose shards lie in the folder `cache`.
+
+    Raises:
+        InputError: there are no actions, or files cannot be read.
+        ConfigError: the source is none with labels of actions, or settings of recordings are given
+            for made actions.
+    """
+    if not data.source:
+        if config != RecordedConfig():
+            raise ConfigError(
+                "recorded: expected no settings of recordings with the made actions of "
+                f"{data.path}, got some; leave them out"
+            )
+        return made_data(data.path, made_actions, DEFAULTS)
+    if data.source not in ANNOTATED:
+        raise ConfigError(
+            f"--data {data.source}=...: expected {', '.join(ANNOTATED)}, whose recordings come "
+            "with labels of actions, or a folder alone; choose one of them"
+        )
+    source = ANNOTATED[ANNOTATED.index(data.source)]
+    return recorded_actions(
+        source,
+        data.path,
+        data.shards_in(cache, "actions_"),
+        config,
+        options,
+        on_step=on_progress and partial(on_progress, source),
+    )
+
+
+def made_actions(folder: Path, split: str) -> ActionData:
+    """The made actions of one split; raises as `read_actions`."""
+    actions, names = read_actions(folder, split)
+    return ActionData(actions, tuple(names))
+
+
+def recorded_actions(
+    source: AnnotatedSource,
+    path: Path,
+    folder: Path,
+    config: RecordedConfig,
+    options: ReaderOptions,
+    *,
+    on_step: OnStep | None = None,
+) -> TrainingData[ActionData]:
+    """The labelled actions of a data set below a path: to learn from, and to validate on.
+
+    A recording becomes a shard in `folder`, which is read at once as long as its files stay the
+    same. Notes tell what was found, left out, and could not be read.
+
+    Raises:
+        InputError: no recording can be read, or none holds a labelled action.
+        ConfigError: the subject to hold out has no clips.
+    """
+    recordings = Recordings(source, config, options)
+    shards, problems = recordings.shards(path, folder, on_step)
+    found: list[tuple[Actions, list[dict[str, str]]]] = []
+    left_out: Counter[str] = Counter()
+    for shard in shards:
+        with opened_tensors(shard) as (file, record):
+            left_out.update(record["left_out"])
+            if record["labels"]:
+                found.append((Actions(**all_tensors(file)), record["labels"]))
+    reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
+    if not found:
+        raise InputError(
+            f"{path}: expected labelled actions of {source}, found none "
+            f"({reasons or 'no labels'}); check that the data set is whole"
+        )
+    labels = [label for _, of_shard in found for label in of_shard]
+    verbs, names = (sorted({label[key] for label in labels}) for key in ("verb", "noun"))
+    together = Streamed.of(
+        replace(
+            actions,
+            verb=torch.tensor([verbs.index(label["verb"]) for label in of_shard]),
+            name=torch.tensor([names.index(label["noun"]) for label in of_shard]),
+        )
+        for actions, of_shard in found
+    )
+    held, words = _held_out([label["subject"] for label in labels], config.held_out)
+    parts = [
+        ActionData(together.only(kept), tuple(names), tuple(verbs))
+        for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
+    ]
+    about = f"{source}: {len(labels)} actions of {len(names)} objects, {words}"
+    notes = f"{about}; actions left out: {reasons or 'none'}", *problems
+    made = recordings.asked | {"source": source, "held_out": config.held_out}
+    return TrainingData(parts[0], parts[1], made, notes)
+
+
+def _held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
+    """Which actions are of the subject that is held out, and words on that."""
+    known = sorted(set(subjects), key=lambda name: (len(name), name))
+    if chosen and chosen not in known:
+        raise ConfigError(
+            f"recorded.held_out: expected one of {', '.join(known)}, got '{chosen}'; name another"
+        )
+    if len(known) < 2:
+        none = torch.zeros(len(subjects), dtype=torch.bool)
+        return none, "validated on what is learned: there is no other subject"
+    subject = chosen or known[-1]
+    held = torch.tensor([name == subject for name in subjects])
+    return held, f"{int(held.sum())} of {subject} held out for validation"
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """The recordings of a data set, and how actions are cut out of them."""
+
+    source: AnnotatedSource
+    config: RecordedConfig
+    options: ReaderOptions
+    surfaces: dict[tuple[str, ...], Surface] = field(default_factory=dict)
+    """Points of the objects that were met, which are the same in all recordings."""
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What of the settings a shard depends on; who is held out changes none."""
+        settings = asdict(self.config)
+        del settings["held_out"]
+        return {"format": FORMAT, "recorded": settings}
+
+    def shards(
+        self, path: Path, folder: Path, on_step: OnStep | None
+    ) -> tuple[list[Path], list[str]]:
+        """The shards of all recordings, made where they are not there, and why some cannot be."""
+        clips = find_clips(source_named(self.source), [path])
+        labelled = [clip for clip in clips if has_labels(self.source, clip)]
+        if not labelled:
+            raise InputError(
+                f"{path}: expected labels of actions in action_label of camera 4, found none among "
+                f"{len(clips)} clips; download the labels of all views"
+            )
+        return written_shards(labelled, folder, self.is_fresh, self.write, on_step)
+
+    def is_fresh(self, shard: Path, clip: SourceClip) -> bool:
+        """Whether a shard is there, whole, made as asked, and from the files as they are."""
+        try:
+            with opened_tensors(shard) as (_, record):
+                if any(record.get(name) != value for name, value in self.asked.items()):
+                    return False
+                files = {name: (size, content) for name, (size, content) in record["files"].items()}
+                return are_as_recorded(self.files(clip), files, shard)
+        except (OSError, DamagedTensorsError):
+            return False
+
+    def files(self, clip: SourceClip) -> list[tuple[str, Path]]:
+        """The files that the actions of a recording are made from, by name."""
+        labels = ((path.name, path) for path in label_files(self.source, clip))
+        return [*files_of(clip, self.options), *labels]
+
+    def write(self, shard: Path, clip: SourceClip) -> None:
+        """Write the labelled actions of one recording, whole or not at all."""
+        found: list[Actions] = []
+        labels: list[dict[str, str]] = []
+        left_out: Counter[str] = Counter()
+        meshes = set[Path]()
+        for action, label in self.cut(clip, meshes):
+            if isinstance(action, str):
+                left_out[action] += 1
+            else:
+                found.append(action)
+                labels.append(label)
+        tensors = vars(concatenated(found, "B")) if found else {}
+        record = self.asked | {
+            "files": records_of([*self.files(clip), *by_path(meshes)]),
+            "labels": labels,
+            "left_out": dict(left_out),
+        }
+        write_tensors(shard, {n: t.contiguous() for n, t in tensors.items()}, record, parents=True)
+
+    def cut(
+        self, clip: SourceClip, meshes: set[Path]
+    ) -> Iterator[tuple[Actions | str, dict[str, str]]]:
+        """Each labelled stretch of a recording as an action, or why it is none.
+
+        The files of the objects' meshes are added to `meshes`.
+        """
+        labels = labels_of(self.source, clip)
+        reader = source_named(self.source).reader()
+        for parts in reader.parts(clip, self.options) if labels else ():
+            names = {name.split("_")[1] for name in parts.meshes}
+            of_object = [label for label in labels if label.object in names]
+            if not of_object or parts.motion is None:
+                continue
+            sequence = reader.whole(parts, clip, self.options).sequence
+            meshes |= mesh_files([sequence])
+            key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
+            if key not in self.surfaces:
+                self.surfaces[key] = Surface.of(sequence.object.meshes, self.config.points)
+            surface, up = self.surfaces[key], self.config.up
+            seen = torch.from_numpy(frames_to_keep(parts, len(parts.motion)))
+            for label in of_object:
+                words = {"verb": label.verb, "noun": label.noun, "subject": label.subject}
+                yield action_of(sequence, label, surface, up, seen), words

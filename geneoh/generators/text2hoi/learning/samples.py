@@ -1,0 +1,124 @@
+"""What the networks of Text2HOI learn from: actions with sentences and contact maps, in batches."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.choices import TAKING_PART, HandsName
+from geneoh.generators.text import TextEncoder
+from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
+from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.objects import Objects, contact_maps
+from geneoh.generators.text2hoi.sentences.captions import caption
+from geneoh.generators.text2hoi.sentences.passing import givers
+from geneoh.language.vocabulary import noun_of
+from geneoh.streamed import Streamed
+from geneoh.synthesis.actions.action import VERBS, Actions
+from geneoh.synthesis.draws import Draws
+
+
+@dataclass(frozen=True)
+class ActionData:
+    """Actions with their contact maps, and the names of objects."""
+
+    actions: Streamed[Actions]
+    names: tuple[str, ...]
+    verbs: tuple[str, ...] | None = None
+    """The verbs of recordings, whose sentences keep them; None for made actions, whose verbs are
+    `VERBS` with their synonyms."""
+
+    @property
+    def verb_words(self) -> tuple[str, ...]:
+        """The verbs that `Actions.verb` is an index into."""
+        return self.verbs or VERBS
+
+    @cached_property
+    def contact(self) -> Bool[Tensor, "B P"]:
+        """Points that are touched."""
+        return self.actions.each(contact_maps)
+
+    @cached_property
+    def lengths(self) -> Int[Tensor, " B"]:
+        """Frames of each action."""
+        return self.actions.each(lambda actions: actions.length)
+
+    @cached_property
+    def kind(self) -> Tensor:
+        """A number for each verb with its hands."""
+        both = torch.tensor([1, 2])
+        return self.actions.each(lambda actions: 4 * actions.verb + actions.hands.long() @ both)
+
+
+@dataclass(frozen=True)
+class ActionSamples(Bundle):
+    """A batch of actions with what tells of them."""
+
+    actions: Actions
+    touched: Float[Tensor, "B P"]  # the true contact map
+    contact: Float[Tensor, "B P"]  # the one that is told
+    text: Float[Tensor, "B W"]
+
+    @property
+    def objects(self) -> Objects:
+        """The objects of the actions."""
+        return Objects.of(self.actions)
+
+
+@torch.no_grad()
+def draw_samples(
+    data: ActionData,
+    config: Text2HoiConfig,
+    encoder: TextEncoder,
+    draws: Draws,
+    network: ContactNetwork | None = None,
+) -> ActionSamples:
+    """Random actions with a random sentence each, some of them in a mirror.
+
+    Clips are cut to the longest one of the whole batch, of which `draws` may be for a part. With a
+    network of contact maps some are told its maps instead of the true ones.
+    """
+    counts = torch.bincount(data.kind).double()
+    weight = counts[data.kind] ** -config.balance
+    edges = weight.cumsum(0) / weight.sum()
+    every = torch.searchsorted(edges, draws.whole.share().double()).clamp(max=len(edges) - 1)
+    pick = draws.own(every)
+    chosen, touched = data.actions.take(pick), data.contact[pick].float()
+    chosen = chosen.mirrored(draws.chance(config.mirrored))
+    chosen = chosen.take(slice(int(data.lengths[every].max())), "T")
+    text = encoder.encode(sentences(chosen, data, draws))
+    contact = touched.clone()
+    if network is not None:
+        told, latent = draws.chance(config.estimated), draws.normal(network.config.latent)
+        objects = Objects.of(chosen).take(told, "B")
+        contact[told] = network.decode(latent[told], objects, text[told]).sigmoid()
+    return ActionSamples(chosen, touched, contact, text)
+
+
+def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
+    """A random sentence for each of some actions of the data, each by a seed of its own."""
+    seeds = draws.integers(0, 2**31).tolist()
+    said = [data.verb_words[verb] for verb in actions.verb.tolist()]
+    passed = torch.tensor([n for n, verb in enumerate(said) if verb == "pass"], dtype=torch.long)
+    giver = dict(zip(passed.tolist(), givers(actions.take(passed, "B")), strict=True))
+    rows = zip(said, actions.name.tolist(), hands_of(actions), seeds, strict=True)
+    return [
+        caption(
+            verb,
+            noun_of(str(data.names[name])),
+            hands,
+            generator=torch.Generator().manual_seed(seed),
+            synonyms=None if data.verbs is None else (verb,),
+            giver=giver.get(clip),
+        )
+        for clip, (verb, name, hands, seed) in enumerate(rows)
+    ]
+
+
+def hands_of(actions: Actions) -> list[HandsName]:
+    """The hands of each action in words."""
+    words: dict[tuple[bool, bool], HandsName] = {s: name for name, s in TAKING_PART.items()}
+    return [words[left, right] for left, right in actions.hands.tolist()]

@@ -1,0 +1,93 @@
+"""The networks of Text2HOI by the names of their stages, as `geneoh train` learns them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from geneoh.choices import ActionStage, GeneratorStage
+from geneoh.generators.text2hoi.learning.action_data import action_data
+from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
+from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
+from geneoh.generators.text2hoi.learning.samples import ActionData
+from geneoh.generators.text2hoi.learning.text_training import TextTask, TextTrainConfig
+from geneoh.generators.text2hoi.learning.training import ActionTask, LengthTask, LengthTrainConfig
+from geneoh.generators.text2hoi.networks.contact import ContactConfig, ContactNetwork
+from geneoh.generators.text2hoi.networks.interaction import InteractionConfig, InteractionNetwork
+from geneoh.generators.text2hoi.networks.library import encoder_of, told_network
+from geneoh.progress import OnProgress
+from geneoh.readers.base import ReaderOptions
+from geneoh.training.data import DataSource, TrainingData
+from geneoh.training.run_config import stage_config
+from geneoh.training.tasks import Task
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What networks of the generator learn from, and where they lie."""
+
+    data: DataSource  # a folder of made actions, or recordings with labels
+    folder: Path  # of the networks before, and of what is made out of recordings
+    text_encoder: Path | None = None  # another one than that of the folder, or the shipped
+    readers: ReaderOptions = field(default_factory=ReaderOptions)
+
+    def actions(
+        self, config: RecordedConfig, on_progress: OnProgress | None
+    ) -> TrainingData[ActionData]:
+        """The actions."""
+        cache = self.folder / "recordings"
+        return action_data(self.data, config, cache, self.readers, on_progress)
+
+
+def generator_task(
+    stage: GeneratorStage,
+    config: Path | None,
+    settings: Sequence[str],
+    learned: Learned,
+    on_progress: OnProgress | None = None,
+) -> tuple[Task, tuple[str, ...]]:
+    """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
+
+    All but the text encoder learn from actions, with the networks before them that are in the
+    folder, or the shipped ones. Returns notes on the data as well.
+
+    Raises:
+        InputError: there are no actions.
+        CheckpointError: weights in the folder do not fit their network.
+        ConfigError: the file cannot be read, a setting is unknown or of the wrong type, or networks
+            before were trained with another text encoder.
+    """
+    if stage == "text":
+        return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
+    if stage == "length":
+        chosen = stage_config(LengthTrainConfig(), stage, config, settings)
+        encoder = encoder_of(learned.folder, learned.text_encoder)
+        chosen = replace(chosen, length=replace(chosen.length, text=encoder.width))
+        data = learned.actions(chosen.recorded, on_progress)
+        return LengthTask(chosen, data, encoder), data.notes
+    return action_task(stage, config, settings, learned, on_progress)
+
+
+def action_task(
+    stage: ActionStage,
+    config: Path | None,
+    settings: Sequence[str],
+    learned: Learned,
+    on_progress: OnProgress | None = None,
+) -> tuple[ActionTask, tuple[str, ...]]:
+    """What a stage learns from actions; arguments and errors are those of `generator_task`."""
+    chosen = stage_config(Text2HoiConfig(), stage, config, settings)
+    encoder = encoder_of(learned.folder, learned.text_encoder)
+    chosen = replace(
+        chosen,
+        contact=replace(chosen.contact, text=encoder.width),
+        interaction=replace(chosen.interaction, text=encoder.width),
+    )
+    contact = interaction = None
+    if stage != "contact":
+        told = learned.folder, encoder, ContactNetwork, ContactConfig
+        contact = told_network("contact", *told)
+    if stage == "refiner":
+        told = learned.folder, encoder, InteractionNetwork, InteractionConfig
+        interaction = told_network("interaction", *told)
+    data = learned.actions(chosen.recorded, on_progress)
+    return ActionTask(stage, chosen, data, encoder, contact, interaction), data.notes

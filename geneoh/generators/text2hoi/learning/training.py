@@ -1,0 +1,273 @@
+"""The networks of Text2HOI as tasks of the training loop, and the loss of each on samples."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from geneoh.bundle import Bundle
+from geneoh.choices import ActionStage
+from geneoh.errors import ConfigError
+from geneoh.generators.text import TextEncoder
+from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
+from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
+from geneoh.generators.text2hoi.learning.samples import (
+    ActionData,
+    ActionSamples,
+    draw_samples,
+    sentences,
+)
+from geneoh.generators.text2hoi.networks.contact import ContactNetwork, contact_loss
+from geneoh.generators.text2hoi.networks.interaction import (
+    Condition,
+    InteractionNetwork,
+    set_statistics,
+)
+from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork, length_loss
+from geneoh.generators.text2hoi.networks.losses import geometric_loss, simple_loss
+from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, points_of, refiner_loss
+from geneoh.generators.text2hoi.networks.text import ASKED
+from geneoh.generators.text2hoi.networks.tokens import Tokens, actions_of, tokens_of
+from geneoh.seeds import seeded_generator
+from geneoh.synthesis.draws import Draws, Part
+from geneoh.training.data import TrainingData
+from geneoh.training.resume import digest
+from geneoh.training.run_config import RunConfig
+from geneoh.training.tasks import DrawnSamples, SamplesTask, divided_batch, first_weights
+
+
+@dataclass(frozen=True)
+class ActionTask(SamplesTask):
+    """One network of Text2HOI, learned from actions."""
+
+    name: ActionStage
+    config: Text2HoiConfig
+    data: TrainingData[ActionData]
+    encoder: TextEncoder
+    contact: ContactNetwork | None = None  # of which later networks are told estimated maps
+    interaction: InteractionNetwork | None = None  # whose clips the refiner learns to refine
+
+    def loss(self, model: Any, samples: ActionSamples, draws: Draws) -> Float[Tensor, ""]:
+        """The loss of the network."""
+        if self.name == "contact":
+            return contact_task_loss(model, samples, self.config, draws)
+        if self.interaction is not None:
+            return refiner_task_loss(self.interaction, model, samples, self.config, draws)
+        return interaction_loss(model, samples, self.config, draws)
+
+    def network(self) -> nn.Module:
+        """A fresh network, made for the text encoder and with the scales of the data."""
+        with first_weights(self.config.seed, self.name, "weights"):
+            if self.name == "contact":
+                return ContactNetwork(self.config.contact)
+            if self.name == "refiner":
+                return RefinerNetwork(self.config.refiner)
+            network = InteractionNetwork(self.config.interaction)
+        if network.config.normalised:
+            set_statistics(network, self.data.training.actions)
+        if network.config.form == "paper" and self.contact is not None:
+            take_points(network, self.contact)
+        return network
+
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """ActionSamples that are drawn together and then divided."""
+        data = self.data.training if training else self.data.validation
+        generator = seeded_generator(self.config.seed, *parts)
+        draws = Draws(own.count, generator, own)
+        samples = draw_samples(data, self.config, self.encoder, draws, self.contact)
+        return divided_batch(samples, generator, own, pieces)
+
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the actions, the text encoder and the networks before."""
+        before = {"contact": self.contact, "interaction": self.interaction}
+        weights = {
+            name: each and digest(each.state_dict().values()) for name, each in before.items()
+        }
+        return actions_record(self.data, self.encoder) | weights
+
+
+@dataclass(frozen=True)
+class LengthTrainConfig(RunConfig):
+    """The training of the length network."""
+
+    steps: int = 2000
+    batch: int = 64
+    divergence: float = 0.001  # weight of the divergence of the latent
+    length: LengthConfig = field(default_factory=LengthConfig)
+    recorded: RecordedConfig = field(default_factory=RecordedConfig)
+    """How recordings of the user become actions."""
+
+
+@dataclass(frozen=True)
+class LengthSamples(Bundle):
+    """A batch of sentences with the lengths of their actions."""
+
+    length: Int[Tensor, " B"]
+    text: Float[Tensor, "B W"]
+
+
+@dataclass(frozen=True)
+class LengthTask(SamplesTask):
+    """The length network, learned from sentences for actions."""
+
+    config: LengthTrainConfig
+    data: TrainingData[ActionData]
+    encoder: TextEncoder
+    name: str = "length"
+
+    def loss(self, model: LengthNetwork, samples: LengthSamples, draws: Draws) -> Float[Tensor, ""]:
+        """The loss of the network."""
+        noise = draws.normal(model.config.latent).to(samples.text)
+        length, weight = samples.length, self.config.divergence
+        return length_loss(model, length, samples.text, divergence=weight, noise=noise)
+
+    def network(self) -> LengthNetwork:
+        """A fresh network."""
+        with first_weights(self.config.seed, self.name, "weights"):
+            return LengthNetwork(self.config.length)
+
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """Random actions with a random sentence each."""
+        data = self.data.training if training else self.data.validation
+        generator = seeded_generator(self.config.seed, self.name, *parts)
+        draws = Draws(own.count, generator, own)
+        chosen = data.actions.take(draws.integers(0, len(data.actions)))
+        text = self.encoder.encode(sentences(chosen, data, draws))
+        return divided_batch(LengthSamples(chosen.length, text), generator, own, pieces)
+
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the actions and of the text encoder."""
+        return actions_record(self.data, self.encoder)
+
+
+def take_points(network: InteractionNetwork, contact: ContactNetwork) -> None:
+    """Give a network the features of points that the contact network learned, as the paper does."""
+    try:
+        network.object.points.load_state_dict(contact.points.state_dict())
+    except RuntimeError as error:
+        raise ConfigError(
+            "interaction: expected a contact network whose points are read as in the paper's form, "
+            "got another one; train it in the same folder first, with `geneoh train --stage "
+            "contact --config contact_paper`"
+        ) from error
+    network.object.points.requires_grad_(False)
+
+
+def contact_task_loss(
+    network: ContactNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the contact network."""
+    return contact_loss(
+        network,
+        samples.objects,
+        samples.touched,
+        samples.text,
+        divergence=config.divergence,
+        noise=draws.normal(network.config.latent).to(samples.text),
+    )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer of the interaction network to clips with noise."""
+
+    clean: Tokens
+    guess: Tokens
+    squared: Float[Tensor, ""]  # the simple loss
+    sigma: Float[Tensor, " B"]  # of the noise
+
+
+def answer_to_noise(
+    network: InteractionNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
+) -> Answer:
+    """What the network makes of the samples at random levels of noise, in one pass."""
+    tokens = tokens_of(samples.actions, network.config.frame)
+    condition = Condition(
+        samples.text,
+        samples.objects,
+        samples.contact,
+        tokens.present,
+        tokens.valid,
+        ~draws.chance(config.text_dropout).to(tokens.present.device),
+        ~draws.chance(config.object_dropout).to(tokens.present.device),
+    )
+    level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
+    clean = network.normalise(tokens.flat) * tokens.defined
+    sigma = network.sigmas[level]
+    x = clean + sigma[:, None, None] * draws.like(clean)
+    found = network.denoised(x, level.float(), network.encode(condition))
+    guess = tokens.with_flat(network.denormalise(found))
+    return Answer(tokens, guess, simple_loss(found, clean, tokens.defined), sigma)
+
+
+def interaction_loss(
+    network: InteractionNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the interaction network at random levels of noise."""
+    answer = answer_to_noise(network, samples, config, draws)
+    sigma = answer.sigma
+    share = 1 / (1 + sigma.square()) if config.losses.sharp else torch.ones_like(sigma)
+    actions, touched = samples.actions, samples.touched
+    return answer.squared + geometric_loss(
+        answer.guess, answer.clean, actions, touched, config.losses, draws, share
+    )
+
+
+def refiner_task_loss(
+    interaction: InteractionNetwork,
+    network: RefinerNetwork,
+    samples: ActionSamples,
+    config: Text2HoiConfig,
+    draws: Draws,
+) -> Float[Tensor, ""]:
+    """The loss of the refiner on what one pass of the interaction network makes of clips.
+
+    Source: Text2HOI, section 3.5 and its code. The object is where the interaction network puts it.
+    """
+    interaction = interaction.to(samples.text.device)
+    with torch.no_grad():
+        guess = answer_to_noise(interaction, samples, config, draws).guess
+        made = actions_of(guess, samples.actions)
+    coarse, clean = (tokens_of(a, network.config.frame) for a in (made, samples.actions))
+    points, contact, normals = points_of(made, coarse, samples.contact, network.config.points)
+    found = network(coarse, points, contact)
+    return refiner_loss(found, coarse, clean, points, normals, config.refining)
+
+
+def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict[str, Any]:
+    """What weights tell of the actions that they were learned from, and of the text encoder."""
+    return {
+        "sequences": len(data.training.actions),
+        "data": _data_digest(data.training),
+        "validation": _data_digest(data.validation),
+        "words": _words_digest(data.training, data.validation),
+        **text_record(encoder),
+    }
+
+
+def _data_digest(data: ActionData) -> str:
+    """A fingerprint of actions by their lengths and the last place of each wrist."""
+    return digest([data.lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
+
+
+def _words_digest(*several: ActionData) -> str:
+    """A fingerprint of what sentences for actions are made of: their verbs and objects."""
+
+    def parts(data: ActionData) -> Iterator[Tensor | str]:
+        yield data.actions.each(lambda actions: torch.stack([actions.verb, actions.name], dim=1))
+        yield from (*data.names, *data.verb_words)
+
+    return digest(part for data in several for part in parts(data))
+
+
+def text_record(encoder: TextEncoder) -> dict[str, Any]:
+    """What weights tell of the text encoder that they were trained with, by the vector of `ASKED`.
+
+    A fingerprint of it in half precision, by which runs are continued; and its numbers, because
+    machines round a vector apart.
+    """
+    vector = encoder.encode([ASKED])
+    return {"text": digest([vector.half()]), "text_vector": vector[0].tolist()}

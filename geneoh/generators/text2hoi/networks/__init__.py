@@ -1,0 +1,1 @@
+"""The networks of Text2HOI, what they read and write, and their shipped weights."""

@@ -1,0 +1,109 @@
+"""Where hands touch an object, by its points and a sentence: a conditional VAE.
+
+Source: Text2HOI, section 3.3 and supplement. Ours: the points' normals, parts and sizes are told
+too, and probabilities are logits until they are asked for.
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from geneoh.diffusion.samplers import normal_like
+from geneoh.generators.text2hoi.networks.objects import CHANNELS, Objects
+from geneoh.generators.text2hoi.networks.pointnet import PointConfig, PointNet, layer
+from geneoh.nn.sizes import NetworkConfig
+
+
+@dataclass(frozen=True)
+class ContactConfig(NetworkConfig):
+    """Size of the network; the paper's is `configs/contact_paper.toml`."""
+
+    latent: int = 16  # numbers that tell one way to touch from another (paper: 64)
+    hidden: int = 128  # features of the first layer of the decoder (paper: 512)
+    text: int = 128  # features of a sentence, those of the text encoder
+    places_alone: bool = False  # whether of points only their normalised places are told (paper)
+    points: PointConfig = field(default_factory=PointConfig)
+
+
+class ContactNetwork(nn.Module):
+    """Encoder of a contact map to a latent, and decoder of a latent to a contact map."""
+
+    def __init__(self, config: ContactConfig) -> None:
+        super().__init__()
+        self.config = config
+        channels = 3 if config.places_alone else CHANNELS
+        whole, hidden = config.points.whole, config.hidden
+        self.points = PointNet(channels, config.points)
+        self.touched = PointNet(channels + 1, config.points)
+        self.encoder = nn.Sequential(
+            layer(whole, whole // 2),
+            layer(whole // 2, whole // 4),
+            nn.Linear(whole // 4, 2 * config.latent),
+        )
+        told = config.latent + 1 + whole + config.text
+        self.whole = nn.Linear(told, hidden)
+        self.each = nn.Linear(config.points.near, hidden, bias=False)
+        self.decoder = nn.Sequential(
+            nn.LeakyReLU(0.2),
+            nn.Linear(hidden, hidden // 2),
+            nn.LeakyReLU(0.2),
+            nn.Linear(hidden // 2, hidden // 4),
+            nn.LeakyReLU(0.2),
+            nn.Linear(hidden // 4, 1),
+        )
+
+    def given(self, objects: Objects) -> Float[Tensor, "B P C"]:
+        """What is told of each point."""
+        return objects.normalised if self.config.places_alone else objects.channels
+
+    def encode(
+        self, objects: Objects, contact: Float[Tensor, "B P"]
+    ) -> tuple[Float[Tensor, "B Z"], Float[Tensor, "B Z"]]:
+        """Mean and logarithm of the variance of the latent of a contact map."""
+        given = torch.cat([self.given(objects), contact[..., None]], dim=-1)
+        _, features = self.touched(given)
+        mean, log_variance = self.encoder(features.amax(1)).chunk(2, dim=-1)
+        return mean, log_variance.clamp(-10, 10)
+
+    def decode(
+        self, latent: Float[Tensor, "B Z"], objects: Objects, text: Float[Tensor, "B W"]
+    ) -> Float[Tensor, "B P"]:
+        """Logits of the contact of each point."""
+        near, features = self.points(self.given(objects))
+        # decimetres, so that the number is of order one
+        told = torch.cat([latent, 10 * objects.scale, features.amax(1), text], dim=-1)
+        # one layer over all that is told of a point, without repeating what is the same for all
+        return self.decoder(self.each(near) + self.whole(told)[:, None])[..., 0]
+
+    def sample(
+        self, objects: Objects, text: Float[Tensor, "B W"], *, generator: torch.Generator
+    ) -> Float[Tensor, "B P"]:
+        """Probability of the contact of each point, for a random latent."""
+        latent = text.new_zeros(len(text), self.config.latent)
+        return self.decode(normal_like(latent, generator=generator), objects, text).sigmoid()
+
+
+def contact_loss(
+    network: ContactNetwork,
+    objects: Objects,
+    contact: Float[Tensor, "B P"],
+    text: Float[Tensor, "B W"],
+    *,
+    divergence: float,
+    noise: Float[Tensor, "B Z"],
+) -> Float[Tensor, ""]:
+    """Cross entropy and dice loss of a map that was encoded, and divergence of the latent.
+
+    Ours: means over points and clips, where the paper's code sums the first and the last over the
+    batch; `divergence` weighs the last one, and the dice loss is taken for each clip.
+    """
+    mean, log_variance = network.encode(objects, contact)
+    latent = mean + (0.5 * log_variance).exp() * noise
+    logits = network.decode(latent, objects, text)
+    entropy = nn.functional.binary_cross_entropy_with_logits(logits, contact)
+    share = logits.sigmoid()
+    overlap = (share * contact).sum(1) / (share.sum(1) + contact.sum(1) + 1.0)
+    apart = 0.5 * (mean.square() + log_variance.exp() - 1 - log_variance).sum(-1)
+    return entropy + (1 - 2 * overlap).mean() + divergence * apart.mean()

@@ -1,0 +1,134 @@
+"""The trained networks of Text2HOI: where weights are, and how networks are rebuilt from them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import GENERATOR_STAGES
+from geneoh.errors import CheckpointError, ConfigError
+from geneoh.generators.text import TextEncoder
+from geneoh.generators.text2hoi.networks.contact import ContactConfig, ContactNetwork
+from geneoh.generators.text2hoi.networks.interaction import InteractionConfig, InteractionNetwork
+from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.networks.refiner import RefinerConfig, RefinerNetwork
+from geneoh.generators.text2hoi.networks.text import ASKED, load_text_encoder, shipped_model
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
+
+Told = TypeVar("Told", ContactNetwork, InteractionNetwork, LengthNetwork)
+"""A network that is told a sentence."""
+
+SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+ALIKE = 0.1
+"""Two vectors of a sentence are of one encoder whose distance is at most this share of their
+length: machines and precisions round by a hundredth at most, and trainings have nothing in common.
+"""
+
+
+@dataclass(frozen=True)
+class Text2HoiNetworks:
+    """All that makes an interaction of a sentence and an object."""
+
+    text: TextEncoder
+    contact: ContactNetwork
+    interaction: InteractionNetwork
+    length: LengthNetwork
+
+
+def load_text2hoi(
+    folder: Path | None = None,
+    *,
+    text_encoder: Path | None = None,
+    device: torch.device | str = "cpu",
+) -> Text2HoiNetworks:
+    """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
+
+    `text_encoder` is the folder of another text encoder, with which the networks were trained.
+
+    Raises:
+        CheckpointError: the folder has no network, or a file does not fit its network.
+        ConfigError: the networks were trained with another text encoder.
+    """
+    refuse_none_of(GENERATOR_STAGES, folder)
+    text = encoder_of(folder, text_encoder)
+    return Text2HoiNetworks(
+        text,
+        told_network("contact", folder, text, ContactNetwork, ContactConfig).to(device),
+        told_network("interaction", folder, text, InteractionNetwork, InteractionConfig).to(device),
+        told_network("length", folder, text, LengthNetwork, LengthConfig),
+    )
+
+
+def told_network(
+    name: str,
+    folder: Path | None,
+    text: TextEncoder,
+    network: Callable[[Any], Told],
+    config: Callable[..., Any],
+) -> Told:
+    """A network of a folder, else the shipped one; errors are those of `load_text2hoi`."""
+    path = text2hoi_weights(name, folder)
+    saved = load_checkpoint(path)
+    found = network_of(saved, path, network, config)
+    refuse_other_encoder(path, saved.record, found.config.text, text)
+    return found
+
+
+def refuse_other_encoder(
+    path: Path, record: Mapping[str, Any], width: int, text: TextEncoder
+) -> None:
+    """Refuse weights for vectors of a width that tell of another text encoder."""
+    if width != text.width:
+        raise ConfigError(
+            f"{path}: expected a text encoder of {width} features, got one of {text.width}; name "
+            "the one that it was trained with"
+        )
+    learned, asked = vector_of_training(path, record, width), text.encode([ASKED])[0]
+    if learned is not None and float((asked - learned).norm()) > ALIKE * float(learned.norm()):
+        raise ConfigError(
+            f"{path}: expected the text encoder that it was trained with, got another one of as "
+            "many features; name that one, or train it again with `geneoh train --stage "
+            f"{path.stem}`"
+        )
+
+
+def vector_of_training(
+    path: Path, record: Mapping[str, Any], width: int
+) -> Float[Tensor, " W"] | None:
+    """The vector of `ASKED` by the encoder that weights were trained with; None where unknown.
+
+    Older weights tell a fingerprint of it alone. It is known where the shipped ones have the same.
+    """
+    if "text_vector" not in record:
+        shipped = record if path.parent == SHIPPED else load_checkpoint(SHIPPED / path.name).record
+        known = record.get("text") == shipped.get("text")
+        return shipped_model().vectors([ASKED])[0] if known else None
+    try:
+        return torch.tensor(record["text_vector"], dtype=torch.float32).view(width)
+    except (ArithmeticError, TypeError, ValueError, RuntimeError) as error:
+        raise CheckpointError(
+            f"{path}: expected a record with the vector of a sentence, got another one; train it "
+            "again or download it again"
+        ) from error
+
+
+def load_refiner(folder: Path | None) -> RefinerNetwork:
+    """The refiner of a folder, else the shipped one; `CheckpointError` where it does not fit."""
+    return load_network(text2hoi_weights("refiner", folder), RefinerNetwork, RefinerConfig)
+
+
+def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
+    """The text encoder that is named, else that of a folder, else the shipped one."""
+    if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
+        text_encoder = folder
+    return load_text_encoder(text_encoder)
+
+
+def text2hoi_weights(name: str, folder: Path | None) -> Path:
+    """The file of weights in a folder, else the shipped one."""
+    return file_or_shipped(name, folder, SHIPPED)

@@ -1,0 +1,226 @@
+"""The network that refines generated hands in one pass, as a change of what they were; its losses.
+
+Source: Text2HOI, section 3.5 and supplement. Only hands change; the object stays. Ours: several
+frames to a token, hands on the object, and offsets to the nearest points of the object beside the
+paper's numbers, which hardly tell a centimetre from none. The losses ask for hands near the true
+ones, not in the object, that touch where they nearly do, in squared distances as the paper does.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from geneoh.bundle import spread
+from geneoh.choices import SIDES
+from geneoh.config import Limited
+from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.text2hoi.networks.losses import UNIT, masked_mean
+from geneoh.generators.text2hoi.networks.post_norm import PostNormTransformer
+from geneoh.generators.text2hoi.networks.tokens import (
+    HAND,
+    HandFrame,
+    Tokens,
+    actions_of,
+    tokens_of,
+)
+from geneoh.hand.library import load_hand
+from geneoh.nn.blocks import in_steps, sinusoid, zeroed
+from geneoh.nn.sizes import NetworkConfig
+from geneoh.synthesis.actions.action import NEAR, Actions
+
+AGENT_ROWS = (0, 1666)
+"""Rows of the paper's sinusoid table that tell the left and the right hand."""
+JOINTS = 63  # numbers of the keypoints of a hand
+REACH = 0.05  # offsets to the object beyond it are cut, metres
+SMOOTHING = 2.0  # deviation of the Gaussian over the change of hands, in frames
+WRIST, TURN = 0.02, 0.1
+"""Changes of the wrist (metres) and of entries of rotations that an answer of 1 is in our form."""
+CENTIMETRE = 0.01
+"""Depths and gaps are in this unit, metres, so that they are of order one."""
+
+
+@dataclass(frozen=True)
+class RefinerConfig(NetworkConfig):
+    """Size and form of the network; the paper's are `configs/refiner_paper.toml`."""
+
+    form: Literal["ours", "paper"] = "ours"
+    width: int = 128  # features of a token
+    depth: int = 4  # transformer blocks
+    heads: int = 4
+    frames_per_token: int = 5  # frames of a hand in one token (paper: 1)
+    points: int = 128  # points of the object that are looked at (paper: 1,024)
+    frame: HandFrame = "object"  # axes that hands are written in (paper: the world's)
+
+
+class RefinerNetwork(nn.Module):
+    """From hands as they were generated to refined ones."""
+
+    def __init__(self, config: RefinerConfig) -> None:
+        """Build the network, which changes nothing before it has learned.
+
+        Only its last layer begins at zero: zeros in both layers of a block would never be learned.
+        """
+        super().__init__()
+        self.config = config
+        offsets = JOINTS if config.form == "ours" else 0
+        told = HAND + 2 * JOINTS + offsets + 2 * config.points
+        self.input = nn.Linear(config.frames_per_token * told, config.width)
+        self.trunk = PostNormTransformer(config.width, config.depth, config.heads, levels=False)
+        self.output = zeroed(nn.Linear(config.width, config.frames_per_token * HAND))
+
+    def forward(
+        self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
+    ) -> Tokens:
+        """The same clips with refined hands.
+
+        `points` are of the object, in the frame that hands are written in, metres, and `contact` is
+        the probability that each of them is touched.
+        """
+        frames = self.config.frames_per_token
+        told = self.inputs(tokens, points, contact).transpose(1, 2)
+        read = self.input(in_steps(told, frames).transpose(2, 3).flatten(-2))
+        seen = in_steps(tokens.valid, frames).any(-1)[..., None] & tokens.present[:, None]
+        steps = torch.arange(read.shape[1], device=read.device)
+        agents = sinusoid(torch.tensor(AGENT_ROWS).to(read), read.shape[-1])
+        after = self.trunk(
+            (read + agents).flatten(1, 2),
+            None,
+            steps.repeat_interleave(2).to(read),
+            seen.flatten(1),
+        )
+        change = self.output(after).unflatten(-1, (frames, HAND)).unflatten(1, (-1, 2))
+        change = change.transpose(1, 2).flatten(2, 3)[:, :, : points.shape[1]]
+        if self.config.form == "ours":
+            change = change * change.new_tensor([WRIST] * 3 + [TURN] * (HAND - 3))
+        return tokens.with_hands(tokens.hands + change)
+
+    @torch.no_grad()
+    def inputs(
+        self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
+    ) -> Float[Tensor, "B 2 T N"]:
+        """What is told of each hand and frame (paper, equation 11)."""
+        joints = tokens.joints()
+        offset = nearest(joints, points) - joints
+        near = torch.exp(-50 * offset.square())
+        distance = points.norm(dim=-1)[:, None].expand(-1, 2, -1, -1)
+        touched = contact[:, None, None].expand(-1, 2, points.shape[1], -1)
+        told = [tokens.hands, joints.flatten(-2), near.flatten(-2), distance, touched]
+        if self.config.form == "ours":
+            told.append(offset.clamp(-REACH, REACH).flatten(-2) / REACH)
+        return torch.cat(told, dim=-1) * tokens.shown[:, :2, :, None]
+
+
+def nearest(
+    joints: Float[Tensor, "B 2 T J 3"], points: Float[Tensor, "B T P 3"]
+) -> Float[Tensor, "B 2 T J 3"]:
+    """The point of the object that is nearest to each keypoint."""
+    places = joints.transpose(1, 2).flatten(2, 3)
+    index = torch.cdist(places, points).argmin(-1)
+    found = points.gather(2, index[..., None].expand(-1, -1, -1, 3))
+    return found.unflatten(2, (2, -1)).transpose(1, 2)
+
+
+def points_of(
+    actions: Actions, tokens: Tokens, contact: Float[Tensor, "B P"], count: int
+) -> tuple[Float[Tensor, "B T C 3"], Float[Tensor, "B C"], Float[Tensor, "B T C 3"]]:
+    """Points of the object in the frame that hands are written in, contact there, and normals.
+
+    `count` of them are taken at equal steps; the object is where the numbers say that it is.
+    """
+    every = spread(actions.points.shape[1], count).to(contact.device)
+    some = actions.take(every, "P")
+    points, normals = some.posed_points(), some.posed_normals()
+    if tokens.frame == "world":
+        turn, shift = tokens.object_rotation, tokens.object[:, :, None, :3]
+        points, normals = points @ turn.mT + shift, normals @ turn.mT
+    return points, contact[:, every], normals
+
+
+@torch.no_grad()
+def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor, "B P"]) -> Actions:
+    """The same clips with the hands that the refiner makes of theirs.
+
+    In our form the change is smoothed, because each token tells its own frames alone.
+    """
+    tokens = tokens_of(actions, network.config.frame)
+    points, touched, _ = points_of(actions, tokens, contact, network.config.points)
+    hands = network(tokens, points, touched).hands
+    if network.config.form == "ours":
+        change = (hands - tokens.hands).transpose(1, 2)
+        change = smoothed_clips(change.flatten(2), SMOOTHING, actions.length).view_as(change)
+        hands = tokens.hands + change.transpose(1, 2)
+    return actions_of(tokens.with_hands(hands), actions)
+
+
+@dataclass(frozen=True)
+class RefinerWeights(Limited):
+    """Weights of the losses; those of the paper are 1, 1, 5, in squared metres, and 0."""
+
+    simple: float = 1.0
+    penetration: float = 1.0
+    contact: float = 5.0
+    keypoints: float = 1.0  # squared error of keypoints in units of a decimetre (ours)
+    frames: int = 4  # frames of a clip whose contact and penetration are looked at (paper: all)
+
+
+def refiner_loss(
+    found: Tokens,
+    coarse: Tokens,
+    clean: Tokens,
+    points: Float[Tensor, "B T P 3"],
+    normals: Float[Tensor, "B T P 3"],
+    weights: RefinerWeights,
+) -> Float[Tensor, ""]:
+    """All losses, weighted and added."""
+    shown = clean.shown[:, :2]
+    total = weights.simple * masked_mean((found.hands - clean.hands).square(), shown[..., None])
+    joints = found.joints()
+    if weights.keypoints:
+        apart = (joints - clean.joints()).square().sum(-1) / UNIT**2
+        total = total + weights.keypoints * masked_mean(apart, shown[..., None])
+    every = spread(points.shape[1], weights.frames).unique()
+    some, points, normals = found.take(every, "T"), points[:, every], normals[:, every]
+    before = coarse.take(every, "T").joints()
+    touch = contact_distance_loss(joints[:, :, every], before, points, shown[:, :, every])
+    inside = penetration_loss(some, points, normals)
+    return total + weights.contact * touch + weights.penetration * inside
+
+
+def contact_distance_loss(
+    joints: Float[Tensor, "B 2 T 21 3"],
+    coarse: Float[Tensor, "B 2 T 21 3"],
+    points: Float[Tensor, "B T P 3"],
+    shown: Bool[Tensor, "B 2 T"],
+) -> Float[Tensor, ""]:
+    """Squared distance of keypoints to the point that is nearest to where they were, in cm2.
+
+    Keypoints count that were within `NEAR` of the object.
+    """
+    goal = nearest(coarse, points)
+    touches = ((goal - coarse).norm(dim=-1) < NEAR) & shown[..., None]
+    return masked_mean((joints - goal).square().sum(-1) / CENTIMETRE**2, touches)
+
+
+def penetration_loss(
+    tokens: Tokens, points: Float[Tensor, "B T P 3"], normals: Float[Tensor, "B T P 3"]
+) -> Float[Tensor, ""]:
+    """Squared depth of the hands' vertices below the plane of the nearest point, in cm2.
+
+    A mean over the vertices that are inside. Deeper than `NEAR` a vertex is on another side.
+    """
+    total, count = points.new_zeros(()), points.new_zeros(())
+    for number, side in enumerate(SIDES):
+        hand = load_hand(side).to(points.device).shaped(points.new_zeros(10))
+        verts = hand.verts_from_rotations(
+            tokens.rotations[:, number], tokens.hands[:, number, :, :3]
+        )
+        index = torch.cdist(verts.verts, points).argmin(-1)[..., None].expand(-1, -1, -1, 3)
+        apart = verts.verts - points.gather(2, index)
+        depth = -(apart * normals.gather(2, index)).sum(-1)
+        inside = (depth > 0) & (apart.norm(dim=-1) < NEAR) & tokens.shown[:, number, :, None]
+        total = total + torch.where(inside, depth, 0.0).square().sum() / CENTIMETRE**2
+        count = count + inside.sum()
+    return total / count.clamp(min=1)

@@ -1,0 +1,169 @@
+"""One hand of an action in the frame of its object, as the right hand that it or its mirror is.
+
+How firmly it holds the object, and a new hold where none of the drawn poses can carry it.
+"""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.choices import SIDES
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.actions.action import Actions
+from geneoh.synthesis.grasping.contact_pads import (
+    OtherHands,
+    Table,
+    contact_pads,
+    hand_scale,
+    hand_spheres,
+)
+from geneoh.synthesis.grasping.grasp_checks import unheld
+from geneoh.synthesis.grasping.grasps import GraspConfig, synthesize_grasps
+from geneoh.synthesis.shapes.solids import Solids
+
+STILL = 1e-5  # metres in a frame below which an object rests
+ARM = 0.01  # metres at which a turn counts as motion
+LIFTED = 0.01  # metres by which an object is off the height at which it rests
+TRIES = 12  # grasps that are looked for at once
+TOUCH = 0.003  # distance from the surface at which a pad touches, metres
+FIRM = 0.5
+"""Share of a push from the worst side that a hold may leave unheld (`grasp_checks.unheld`)."""
+GRASPS = GraspConfig(grips=0)
+
+
+@dataclass(frozen=True)
+class HeldHands(Bundle):
+    """Mean right hands at an object, or mirror images of left ones, in the object's frame."""
+
+    pose: Float[Tensor, "N 16 3"]
+    wrist: Float[Tensor, "N 3"]  # metres
+
+    @classmethod
+    def of(cls, actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> "HeldHands":
+        """A hand of the first action in all frames, from the middle of its object."""
+        axes = actions.rotation[0].mT
+        turn = axes @ axis_angle_to_matrix(actions.pose[0, number, :, 0])
+        apart = actions.wrist[0, number] - actions.translation[0]
+        wrist = (axes @ apart[..., None])[..., 0] - middle
+        pose = [matrix_to_axis_angle(turn)[:, None], actions.pose[0, number, :, 1:]]
+        return cls(torch.cat(pose, 1), wrist).on_side(number)
+
+    def on_side(self, number: int) -> "HeldHands":
+        """Mirror images where the hand is a left one."""
+        if SIDES[number] == "right":
+            return self
+        return HeldHands(mirror_axis_angle(self.pose), mirror_points(self.wrist))
+
+    def into(self, actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Actions:
+        """The actions whose first one has this hand; the inverse of `of`."""
+        hand, turn, shift = self.on_side(number), actions.rotation[0], actions.translation[0]
+        world = turn @ axis_angle_to_matrix(hand.pose[:, 0])
+        place = (turn @ (hand.wrist + middle)[..., None])[..., 0] + shift
+        poses, wrists = actions.pose.clone(), actions.wrist.clone()
+        poses[0, number] = torch.cat([matrix_to_axis_angle(world)[:, None], hand.pose[:, 1:]], 1)
+        wrists[0, number] = place
+        return replace(actions, pose=poses, wrist=wrists)
+
+    @property
+    def spheres(self) -> tuple[Float[Tensor, "N K 3"], Float[Tensor, "N K"]]:
+        """Centres and radii of the spheres that fill the hands."""
+        return hand_spheres(self._posed()[0], self._scale())
+
+    @property
+    def mirrored_spheres(self) -> OtherHands:
+        """The same spheres as the hand of the other side sees them, in the mirror."""
+        centers, radii = self.spheres
+        return OtherHands(mirror_points(centers), radii)
+
+    @property
+    def pads(self) -> Float[Tensor, "N 19 3"]:
+        """Points of the skin that touch objects."""
+        return contact_pads(*self._posed(), self._scale())[0]
+
+    def _posed(self) -> tuple[Float[Tensor, "N 21 3"], Float[Tensor, "N 16 3 3"]]:
+        return forward_kinematics(axis_angle_to_matrix(self.pose), self.wrist, mean_offsets())
+
+    def _scale(self) -> Float[Tensor, "N 1"]:
+        return hand_scale(mean_offsets()).expand(len(self.pose), 1)
+
+
+def table_of(actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Table:
+    """The table in all frames of the first action, where `HeldHands.of` has the hand."""
+    up = actions.rotation[0, :, 2]
+    height = actions.translation[0, :, 2] + up @ middle
+    return Table(up if SIDES[number] == "right" else mirror_points(up), height)
+
+
+def mean_offsets() -> Float[Tensor, "1 20 3"]:
+    """Skeleton of the mean right hand."""
+    return load_hand("right").shaped(torch.zeros(1, 10)).offsets
+
+
+def frames_of_motion(actions: Actions) -> Bool[Tensor, " T"]:
+    """Frames before which or after which the object of the first action moves."""
+    shift = actions.translation[0].diff(dim=0).norm(dim=-1)
+    turn = matrix_to_axis_angle(actions.rotation[0, :-1].mT @ actions.rotation[0, 1:])
+    moves = shift + ARM * turn.norm(dim=-1) > STILL
+    return torch.nn.functional.pad(moves, (1, 0)) | torch.nn.functional.pad(moves, (0, 1))
+
+
+def lifted(actions: Actions, frames: Bool[Tensor, " T"]) -> bool:
+    """Whether the object of the first action is off its first height in some frames."""
+    height = actions.translation[0, :, 2]
+    return bool(((height - height[0]).abs() > LIFTED)[frames].any())
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What hands at an object touch, and how firmly."""
+
+    touching: Float[Tensor, " N"]  # number of pads
+    loose: Float[Tensor, " N"]  # share of the worst push that is not held, 0 to 1
+
+    @classmethod
+    def of(cls, solids: Solids, hands: HeldHands) -> "Holding":
+        """The holding of N hands at N objects."""
+        pads = hands.pads
+        gap, normal = solids.distance_and_normal(pads)
+        touching = gap.abs() < TOUCH
+        return cls(touching.sum(1).to(gap), unheld(pads, normal, touching))
+
+
+def new_hold(
+    solids: Solids,
+    drawn: HeldHands,
+    before: OtherHands | None,
+    table: Table,
+    generator: torch.Generator,
+) -> HeldHands | None:
+    """The firm grasp that is nearest to a drawn hand, as the training data were grasped.
+
+    It is looked for from the drawn hand's side of the object, over the table, and keeps out of the
+    hand `before`. None where no grasp passes the checks of the training data.
+    """
+    copies = torch.zeros(TRIES, dtype=torch.long)
+    toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(TRIES, -1)
+    offsets = mean_offsets().expand(TRIES, -1, -1)
+    solids = solids.take(copies, "B")
+    grasps = synthesize_grasps(
+        solids,
+        offsets,
+        GRASPS,
+        generator=generator,
+        toward=toward,
+        table=table.take(copies, "B"),
+        other=None if before is None else before.take(copies, "B"),
+    )
+    found = HeldHands(grasps.pose, grasps.wrist)
+    firm = grasps.kept & (Holding.of(solids, found).loose < FIRM)
+    if not bool(firm.any()):
+        return None
+    away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
+    nearest = away.masked_fill(~firm, torch.inf).argmin()
+    return found.take(nearest[None], "N")

@@ -1,0 +1,142 @@
+"""Objects of two parts that a sentence opens or closes, from their meshes to the clip."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import torch
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from geneoh.errors import ConfigError, InputError
+from geneoh.generators.text2hoi.networks.objects import Objects
+from geneoh.generators.text2hoi.physics.joint_finding import joint_of
+from geneoh.generators.text2hoi.physics.opening import (
+    guided,
+    left_out,
+    moved_by_hands_at_part,
+    starting_gap,
+    under_table,
+)
+from geneoh.generators.text2hoi.physics.part_holds import held_at_parts
+from geneoh.generators.text2hoi.physics.resting import eased
+from geneoh.generators.text2hoi.physics.standing import StandingObject
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.joint import Joint
+from geneoh.geometry.mesh import Mesh
+from geneoh.synthesis.actions.action import NEAR, Actions
+
+ALIKE = 0.005  # metres by which a hand may be farther away than the nearest one drawn
+LOST = 0.1  # share of the joint's way that may be left out without a word
+
+
+@dataclass(frozen=True, eq=False)
+class JointedObject:
+    """An object that stands on the table, whose second part a hand opens or closes."""
+
+    stood: StandingObject  # of both closed meshes as one
+    meshes: tuple[Mesh, Mesh]  # upright
+    part: Int[Tensor, " P"]  # which part each of the points is of
+    joint: Joint  # upright, with its range
+    closes: bool
+
+    @classmethod
+    def of(
+        cls,
+        meshes: tuple[Mesh, Mesh],
+        stood: StandingObject,
+        joint: Joint | None,
+        closes: bool,
+    ) -> tuple["JointedObject", tuple[str, ...]]:
+        """The object with its joint, which is found where none is given, and notes on it.
+
+        Raises:
+            InputError: as `joint_of`.
+        """
+        found, notes = joint_of(meshes, joint)
+        upright = [Mesh(mesh.verts @ stood.rotation.T + stood.shift, mesh.faces) for mesh in meshes]
+        first, second = (SurfaceDistance(m).query(stood.points).distance.abs() for m in upright)
+        moved = found.moved(stood.rotation, stood.shift)
+        parts = upright[0], upright[1]
+        return cls(stood, parts, (second < first).long(), moved, closes), notes
+
+    @property
+    def most(self) -> float:
+        """The state in which the joint is open, radians or metres."""
+        assert self.joint.most is not None, "a joint that was found or given has its range"
+        return self.joint.most
+
+    @property
+    def objects(self) -> Objects:
+        """A batch of this object, as the networks take it."""
+        return Objects(
+            points=self.stood.points[None],
+            normals=self.stood.normals[None],
+            part=self.part[None],
+            axis=self.joint.axis[None],
+            pivot=self.joint.pivot[None],
+            slides=torch.tensor([self.joint.slides]),
+        )
+
+    def guided(self, drawn: Actions) -> Actions:
+        """Drawn actions with a joint that opens or closes within its range; see `guided`."""
+        return guided(drawn, self.closes, self.most)
+
+    def reached(self, drawn: Actions) -> Bool[Tensor, " B"]:
+        """Drawn actions whose hand is at the second part when it begins to move and stays over the
+        table, or is nearest to that."""
+        drawn = drawn.to("cpu")
+        guided = self.guided(drawn)
+        away = starting_gap(guided, drawn).amin(1) + under_table(guided)
+        return away <= (away.amin() + ALIKE).clamp(min=NEAR)
+
+    def finished(
+        self, actions: Actions, generator: torch.Generator | None
+    ) -> tuple[Actions, tuple[str, ...]]:
+        """A guided action from rest to rest whose part moves only while a hand is at it.
+
+        With a generator the hand is first brought to the part (`held_at_parts`). Notes say where
+        some of the motion is left out.
+        """
+        asked = actions
+        if generator is not None:
+            actions = held_at_parts(actions, self.meshes, generator=generator)
+        move = partial(moved_by_hands_at_part, closes=self.closes)
+        actions = move(eased(move(actions)))
+        if left_out(asked, actions) < LOST:
+            return actions, ()
+        fault = "the hand is not at the part all the while it is to move, and it rests without it"
+        return actions, (f"{fault}; another seed may make a better one",)
+
+
+def joined(meshes: tuple[Mesh, ...]) -> Mesh:
+    """All parts of an object as one mesh, in their order."""
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = torch.tensor([0, *(len(mesh.verts) for mesh in meshes)]).cumsum(0)
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    verts = torch.cat([mesh.verts for mesh in meshes])
+    return Mesh(verts, torch.cat(faces), source=meshes[0].source)
+
+
+def asked_joint(meshes: tuple[Mesh, ...], joint: Joint | str | None) -> Joint | None:
+    """The joint of the meshes, where one is given.
+
+    Raises:
+        InputError: there are more than two meshes or none, a joint with a single one, or the text
+            of the joint is none.
+    """
+    if len(meshes) not in (1, 2):
+        raise InputError(
+            f"expected one mesh, or two for the parts of an object, got {len(meshes)}; join those "
+            "that move together to one"
+        )
+    if joint is not None and len(meshes) == 1:
+        raise InputError(
+            "a joint is of an object of two parts, got one mesh; give each part as a mesh, the "
+            "first part first, or leave the joint out"
+        )
+    if joint is None or isinstance(joint, Joint):
+        return joint
+    if not isinstance(joint, str):
+        raise ConfigError(f"joint must be a text or a Joint, got {type(joint).__name__}")
+    return Joint.read(joint)

@@ -1,0 +1,126 @@
+"""Holds by which a hand can open or close a part: told from those that cannot, and looked for.
+
+A palm that lies on a lid can press it shut but not lift it. What a hold bears along the motion of
+the joint follows from the friction at its pads; the hinge or the slide bears all else. The forearm
+counts too, as a hold that it would reach through the table or the object is none.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.bundle import concatenated
+from geneoh.generators.text2hoi.physics.held_hands import GRASPS, TOUCH, HeldHands, mean_offsets
+from geneoh.geometry.forces import friction_cones, wrench_left
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.grasping.grasp_checks import FRICTION
+from geneoh.synthesis.grasping.grasps import synthesize_grasps
+from geneoh.synthesis.shapes.solids import Solids
+
+TRIES = 24  # holds that are looked for
+GOOD = 0.8  # cost of a hold from which no other one is looked for
+FEWEST = 2  # pads of a hold that touch the part
+SKIN = 0.003  # by which the skin may be beyond the spheres, metres
+FOREARM = torch.tensor([0.06, 0.12, 0.18])  # metres from the wrist at which the arm is looked at
+ARM_RADIUS = 0.03  # of the forearm, metres
+UNMOVED, DEEP, FAR, SHORT, ARM = 4.0, 400.0, 5.0, 1.0, 30.0
+"""Costs of a hold: of the share of a push along the joint that it cannot bear; of a metre that it
+is deep in something, that it is away from the drawn hand, that the forearm is deep; and of having
+no lever at all."""
+
+
+@dataclass(frozen=True)
+class PartTask:
+    """What a hand at a part is to do, in the part's frame, in which right hands are held."""
+
+    around: Solids
+    """One object: the part, then the other one in states of the joint; with the joint itself."""
+    tables: Table  # in the frames of the hold
+    out: Float[Tensor, " 3"]  # away from the hinge, or out of the first part
+    way: float  # 1 to open, -1 to close, 0 to hold still
+    other: OtherHands | None  # the other hand in some frames of the hold
+
+    def costs(self, hands: HeldHands, drawn: HeldHands) -> Float[Tensor, " N"]:
+        """How much is wrong with N hands in place of a drawn one; infinite for those that cannot
+        hold the part at all."""
+        pads, copies = hands.pads, torch.zeros(len(hands.wrist), dtype=torch.long)
+        part = self.around.take([0], "S").take(copies, "B")
+        gap, normal = part.distance_and_normal(pads)
+        touching = gap.abs() < TOUCH
+        weight = touching.float()[..., None]
+        middle = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
+        lever = (middle @ self.out) / (part.extents[0] @ self.out.abs())
+        away = (hands.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
+        cost = (
+            abs(self.way) * UNMOVED * unmoved(normal, touching, self.motion(middle))
+            + abs(self.way) * SHORT * (1 - lever)
+            + DEEP * (self.depth(hands) - TOUCH).clamp(min=0)
+            + ARM * self.forearm_depth(hands)
+            + FAR * away
+        )
+        return cost.masked_fill(touching.sum(1) < FEWEST, torch.inf)
+
+    def motion(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        """The directions in which points of the part move."""
+        joint = self.around
+        turning = torch.linalg.cross(joint.axis, points - joint.pivot)
+        along = torch.where(joint.slides[:, None], joint.axis, turning)
+        return self.way * torch.nn.functional.normalize(along, dim=-1)
+
+    def depth(self, hands: HeldHands) -> Float[Tensor, " N"]:
+        """How deep the deepest sphere of hands is in both parts or the table, metres."""
+        return self._depth(*hands.spheres)
+
+    def forearm_depth(self, hands: HeldHands) -> Float[Tensor, " N"]:
+        """The same of the forearms that hands have where wrists are straight."""
+        along = axis_angle_to_matrix(hands.pose[:, 0])[:, None, :, 0]  # hands point along -x
+        centers = hands.wrist[:, None] + FOREARM[:, None] * along
+        return self._depth(centers, torch.full(centers.shape[:2], ARM_RADIUS))
+
+    def _depth(
+        self, centers: Float[Tensor, "N K 3"], radii: Float[Tensor, "N K"]
+    ) -> Float[Tensor, " N"]:
+        copies = torch.zeros(len(centers), dtype=torch.long)
+        deep = radii - self.around.take(copies, "B").signed_distance(centers)
+        for end in (0, -1):  # of the hold: between its ends the joint moves one way
+            table = self.tables.take([end], "B").take(copies, "B")
+            deep = deep.maximum(table.depth(centers, radii + SKIN))
+        if self.other is not None:
+            deep = deep.maximum(self.other.take(copies, "B").depth(centers, radii))
+        return deep.amax(1).clamp(min=0)
+
+
+def unmoved(
+    normals: Float[Tensor, "N P 3"], touching: Bool[Tensor, "N P"], motion: Float[Tensor, "N 3"]
+) -> Float[Tensor, " N"]:
+    """The share of a push along the motion of the joint that touching pads cannot bear, 0 to 1."""
+    cones = friction_cones(torch.zeros_like(normals), normals, FRICTION) * touching[..., None, None]
+    push = torch.cat([motion, torch.zeros_like(motion)], -1)[:, None]
+    return wrench_left(cones.flatten(1, 2), push).norm(dim=-1)[:, 0].clamp(max=1)
+
+
+def best_hold(
+    task: PartTask, held: HeldHands, drawn: HeldHands, generator: torch.Generator
+) -> HeldHands:
+    """The settled hold that is given where it will do; else the least costly of it and new ones."""
+    if float(task.costs(held, drawn)) < GOOD:
+        return held
+    copies = torch.zeros(TRIES, dtype=torch.long)
+    side = torch.nn.functional.normalize(drawn.wrist[0], dim=-1)
+    toward = torch.stack([side, task.out]).repeat(TRIES // 2, 1)
+    lowest = task.tables.take([0, -1], "B")
+    grasps = synthesize_grasps(
+        task.around.take(copies, "B"),
+        mean_offsets().expand(TRIES, -1, -1),
+        GRASPS,
+        generator=generator,
+        toward=toward,
+        table=lowest.take(torch.arange(TRIES) % 2, "B"),
+        other=None if task.other is None else task.other.take(copies, "B"),
+    )
+    found = concatenated([held, HeldHands(grasps.pose, grasps.wrist)], "N")
+    costs = task.costs(found, drawn)
+    return found.take(costs.argmin()[None], "N")

@@ -1,0 +1,202 @@
+"""The hold of a hand that opens or closes: found at the closed or open object, and kept.
+
+The second part is what the hand holds; the first one is what it keeps out of, in all states of the
+joint while it holds, and where it is in each frame on its ways.
+"""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull
+from torch import Tensor
+
+from geneoh.choices import SIDES
+from geneoh.generators.text2hoi.physics.held_hands import (
+    HeldHands,
+    table_of,
+)
+from geneoh.generators.text2hoi.physics.opening import (
+    BEGIN,
+    joint_frames,
+    opener,
+    outward,
+    rigid_part,
+)
+from geneoh.generators.text2hoi.physics.part_grips import PartTask, best_hold
+from geneoh.generators.text2hoi.physics.settling import kept_pose, settled_pose
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.joint import Joint
+from geneoh.geometry.mesh import Mesh, tidied
+from geneoh.geometry.mirror import mirror_points
+from geneoh.geometry.rigid import Rigid
+from geneoh.synthesis.actions.action import Actions
+from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.shapes.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Scans, build_scans
+from geneoh.synthesis.shapes.solids import SCAN, Solids
+
+GRIP = 4  # frames for which the hand holds the part before it moves and after it has moved
+RISE = 6  # frames over which a hand is lifted out of the table
+FREE, CLEAR = 0.005, 0.001
+"""Metres from the first part at which a finger reaches behind the second one, or touches it."""
+STATES = 7  # of the joint between its ends, in which a hold keeps out of the first part
+
+
+@dataclass(frozen=True)
+class PartShapes:
+    """Grids of both parts of an object that stands closed on the table."""
+
+    scans: Scans  # of the first part, then of the second one
+    middles: tuple[Float[Tensor, " 3"], Float[Tensor, " 3"]]  # of their bounding boxes
+
+    @classmethod
+    def of(cls, meshes: tuple[Mesh, Mesh], out: Float[Tensor, " 3"]) -> "PartShapes":
+        """The grids of upright meshes, metres; a hand opens the second part towards `out`.
+
+        The first part is filled, as its convex hull: a hand at the second one must not be shut in.
+        """
+        corners = meshes[0].verts
+        filled = Mesh(
+            corners, torch.from_numpy(ConvexHull(corners.double().numpy()).simplices).long()
+        )
+        meshes = tidied(filled), meshes[1]
+        middles = [(mesh.verts.amin(0) + mesh.verts.amax(0)) / 2 for mesh in meshes]
+        moved = (Mesh(m.verts - at, m.faces) for m, at in zip(meshes, middles, strict=True))
+        names = ("the first part", "the second part")
+        scans = build_scans(MeshFolder(names, (), "", tuple(moved)))
+        grasped = torch.stack([scans.grasped[0], graspable(scans, meshes[1], middles, out)])
+        return cls(replace(scans, grasped=grasped), (middles[0], middles[1]))
+
+    def seen_from(self, part: int, poses: Rigid, joint: Joint) -> Solids:
+        """Objects of one part, 0 or 1, and the other one at B x N `poses` of the joint.
+
+        `poses` are of the second part in the frame of the first one; what is made is in the frame
+        of the closed object moved to the middle of `part`, which is the first of its solids.
+        """
+        other, (batch, count) = 1 - part, poses.translation.shape[:2]
+        poses = poses.inverse() if part else poses
+        center = poses.apply(self.middles[other].expand(batch, count, 1, 3))[:, :, 0]
+        center = torch.cat([torch.zeros(batch, 1, 3), center - self.middles[part]], 1)
+        turn = torch.cat([torch.eye(3).expand(batch, 1, 3, 3), poses.rotation], 1)
+        kind = torch.full((batch, count + 1), SCAN + other)
+        kind[:, 0] = SCAN + part
+        none = torch.zeros(batch, 3)
+        return Solids(
+            kind=kind,
+            size=torch.ones(batch, count + 1, 3),
+            rounding=torch.zeros(batch, count + 1),
+            center=center,
+            rotation=turn,
+            part=torch.zeros_like(kind),
+            axis=joint.axis.expand(batch, 3),
+            pivot=(joint.pivot - self.middles[part]).expand(batch, 3),
+            slides=torch.tensor([joint.slides]).expand(batch),
+            travel=none[:, :2],
+            scans=self.scans,
+        )
+
+
+def graspable(
+    scans: Scans, second: Mesh, middles: list[Float[Tensor, " 3"]], out: Float[Tensor, " 3"]
+) -> Float[Tensor, " M"]:
+    """How likely a hand takes the second part at each of its points, relatively.
+
+    It is where fingers reach both sides: a handle, a knob or an edge beyond the first part; rarely
+    elsewhere beyond the middle of the part, and nowhere next to the first part.
+    """
+    points, normals = scans.points[1], scans.normals[1]
+    field = SurfaceDistance(Mesh(second.verts - middles[1], second.faces))
+    across, _ = field.exits(points - 1e-5 * normals, -normals)
+    behind = points - across.clamp(max=1.0)[:, None] * normals
+    first, apart = torch.zeros(2, dtype=torch.long), middles[1] - middles[0]
+    gap, gap_behind = scans.distance(first, torch.stack([points, behind]) + apart)
+    held = (across < HAND_SPAN) & (gap > FREE) & (gap_behind > FREE)
+    outer = (points @ out > 0) & (gap > min(CLEAR, float(gap.amax()) / 2))
+    return torch.where(outer, torch.where(held, 1.0, WIDE_SHARE), 1e-6)
+
+
+def held_at_parts(
+    actions: Actions, meshes: tuple[Mesh, Mesh], *, generator: torch.Generator
+) -> Actions:
+    """The first action with the hand that moves the joint at the second part while it moves.
+
+    `meshes` stand closed, in the frame of the actions. The hold is kept; on its ways to it and from
+    it the hand is taken out of both parts and the table. Another hand holds the first part, beside
+    the hand that moves the joint.
+    """
+    moves = torch.nonzero(joint_frames(actions)[0])[:, 0]
+    if not len(moves):
+        return actions
+    shapes = PartShapes.of(meshes, outward(actions)[0][0])
+    moving = int(opener(actions, actions)[0].long().argmax())
+    actions = _with_hold(actions, shapes, (moving, 1), None, moves, generator)
+    if bool(actions.hands[0].all()):
+        actions = _with_hold(actions, shapes, (1 - moving, 0), moving, moves, generator)
+    return actions
+
+
+def _with_hold(
+    actions: Actions,
+    shapes: PartShapes,
+    hand_at: tuple[int, int],
+    before: int | None,
+    moves: Int[Tensor, " M"],
+    generator: torch.Generator,
+) -> Actions:
+    """The first action with a hand at a part while the joint moves, in the frames `moves`.
+
+    `hand_at` are the numbers of both, and `before` is that of a hand that it keeps out of.
+    """
+    number, part = hand_at
+    seen, middle = rigid_part(actions, part), shapes.middles[part]
+    poses = Rigid(*actions.joint_poses())
+    some = moves[torch.linspace(0, len(moves) - 1, STATES).long()]
+    joint = Joint(actions.axis[0], actions.pivot[0], bool(actions.slides[0]))
+    states = Rigid(poses.rotation[:, some], poses.translation[:, some])
+    around = shapes.seen_from(part, states, joint)
+    every = Rigid(poses.rotation[0, :, None], poses.translation[0, :, None])
+    ways = shapes.seen_from(part, every, joint)
+    out = outward(actions)[0][0]
+    if SIDES[number] == "left":
+        around, ways, out = around.mirrored(), ways.mirrored(), mirror_points(out)
+    hand, table = HeldHands.of(seen, number, middle), table_of(seen, number, middle)
+    last = int(actions.length[0]) - 1
+    hold = torch.arange(max(0, int(moves[0]) - GRIP), min(last, int(moves[-1]) + GRIP) + 1)
+    first = hold[: GRIP + 1 + len(moves) // BEGIN]
+    other = None if before is None else HeldHands.of(seen, before, middle).mirrored_spheres
+    way = float((actions.joint[0, moves[-1]] - actions.joint[0, moves[0]]).sign()) if part else 0.0
+    task = PartTask(around, table.take(hold, "B"), out, way, other and at_once(other, some))
+    held = _hold(task, hand.take(first, "N"), generator)
+    hand = over_table(kept_pose(ways, hand, held, hold, hold, table, other), table, hold)
+    kept = hand.into(seen, number, middle)
+    return replace(actions, pose=kept.pose, wrist=kept.wrist)
+
+
+def at_once(hands: OtherHands, frames: Int[Tensor, " N"]) -> OtherHands:
+    """A hand in some frames as one, all of which others keep out of."""
+    some = hands.take(frames, "B")
+    return OtherHands(some.centers.flatten(0, 1)[None], some.radii.flatten()[None])
+
+
+def _hold(task: PartTask, drawn: HeldHands, generator: torch.Generator) -> HeldHands:
+    """The pose in which a hand holds a part: the best of those drawn, settled, or a new one.
+
+    Of the tables of the hold that one counts in which the hand is lowest.
+    """
+    ends, frames = task.tables.take([0, -1], "B"), torch.arange(len(drawn.wrist))
+    middle = drawn.take(frames[len(frames) // 2].expand(2), "N")
+    lower = ends.depth(*middle.spheres).amax(1).argmax()
+    around, table = task.around, ends.take(lower[None], "B")
+    held, frame, _ = settled_pose(around, drawn, frames, task.other, table, around.take([0], "S"))
+    return best_hold(task, held, drawn.take(frame[None], "N"), generator)
+
+
+def over_table(hand: HeldHands, table: Table, hold: Int[Tensor, " N"]) -> HeldHands:
+    """A hand that is lifted out of the table, smoothly, on its ways to a hold and from it."""
+    depth = table.depth(*hand.spheres).amax(1).clamp(min=0)
+    frames = torch.arange(len(depth))
+    highest = torch.nn.functional.max_pool1d(depth[None], 2 * RISE + 1, 1, RISE)[0]
+    kernel = torch.exp(-0.5 * ((frames - frames[:, None]) * 2 / RISE) ** 2)
+    rise = kernel / kernel.sum(1, keepdim=True) @ highest
+    off = torch.maximum(hold[0] - frames, frames - hold[-1]).clamp(0, RISE) / RISE
+    return replace(hand, wrist=hand.wrist + (off * rise)[:, None] * table.up)

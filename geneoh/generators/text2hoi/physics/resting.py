@@ -1,0 +1,172 @@
+"""Objects that rest unless a hand touches them, as physics asks of what a network draws."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.synthesis.actions.action import NEAR, Actions
+from geneoh.synthesis.motions.schedule import minimum_jerk
+
+UPRIGHT_TURN = 0.5
+"""Turn from how an object stands below which it is taken as standing, radians."""
+EASE = 12  # frames at either end of a clip in which its time runs slower
+ON_TABLE = 0.04
+"""Height of an object over the table below which it is taken as standing on it, metres."""
+
+
+def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
+    """Frames in which a keypoint of each hand is within `NEAR` of a point of the object."""
+    joints = actions.keypoints()
+    rotation, translation = actions.part_poses()
+    touching = torch.zeros(actions.wrist.shape[:3], dtype=torch.bool)
+    for clip, frames in enumerate(actions.length.tolist()):
+        part = actions.part[clip]
+        posed = rotation[clip, :frames, part] @ actions.points[clip, :, :, None]
+        posed = posed[..., 0] + translation[clip, :frames, part]
+        for hand in torch.nonzero(actions.hands[clip])[:, 0].tolist():
+            near = torch.cdist(joints[clip, hand, :frames], posed) < NEAR
+            touching[clip, hand, :frames] = near.flatten(1).any(1)
+    return touching
+
+
+def finished(actions: Actions, settle: Callable[[Actions], Actions] | None = None) -> Actions:
+    """Drawn actions with objects that move only while a hand touches them, from rest to rest.
+
+    `settle` mends the hands before all comes to rest: hands that changed later would not rest.
+    """
+    actions = moved_by_hands(actions)
+    if settle is not None:
+        actions = settle(actions)
+    return moved_by_hands(eased(actions))
+
+
+def eased(actions: Actions) -> Actions:
+    """The same actions in a time that begins and ends slowly, so that all starts and ends at rest.
+
+    In `EASE` frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
+    """
+    last = (actions.length - 1)[:, None].to(actions.joint)
+    return _at_times(actions, eased_time(actions.joint.shape[1], last))
+
+
+def eased_time(count: int, last: Float[Tensor, "B 1"]) -> Float[Tensor, "B {count}"]:
+    """The times of `eased` at `count` frames, of clips whose last frames are `last`."""
+    ends = (last / 3).clamp(min=1.0, max=EASE)
+    time = torch.arange(count).to(last).minimum(last)
+
+    def begun(since: Float[Tensor, "B T"]) -> Float[Tensor, "B T"]:
+        share = (since / ends).clamp(max=1)
+        return torch.where(since < ends, ends * (2 * share**2 - share**3), since)
+
+    return torch.where(time < last / 2, begun(time), last - begun(last - time))
+
+
+def retimed(actions: Actions, lengths: Int[Tensor, " B"]) -> Actions:
+    """The same actions in other numbers of frames, two or more, from their starts to their ends."""
+    pace = (actions.length - 1) / (lengths - 1)
+    frames = torch.arange(int(lengths.max()), device=pace.device).minimum(lengths[:, None] - 1)
+    return replace(_at_times(actions, frames * pace[:, None]), length=lengths)
+
+
+def _at_times(actions: Actions, time: Float[Tensor, "B S"]) -> Actions:
+    """The same actions at times in frames from their starts, between frames by interpolation."""
+    before = time.floor().long()
+    after = torch.minimum(before + 1, actions.length[:, None] - 1)
+    rows, share = torch.arange(len(time), device=time.device)[:, None], time - before
+
+    def between(values: Float[Tensor, "B T ..."]) -> Float[Tensor, "B S ..."]:
+        part = share.view(*share.shape, *[1] * (values.ndim - 2))
+        return torch.lerp(values[rows, before], values[rows, after], part)
+
+    def turned(rotation: Float[Tensor, "B T *N 3 3"]) -> Float[Tensor, "B S *N 3 3"]:
+        start, end = rotation[rows, before], rotation[rows, after]
+        part = share.view(*share.shape, *[1] * (rotation.ndim - 3))
+        turn = matrix_to_axis_angle(start.mT @ end)
+        return start @ axis_angle_to_matrix(part * turn)
+
+    pose = axis_angle_to_matrix(actions.pose.transpose(1, 2))
+    return replace(
+        actions,
+        pose=matrix_to_axis_angle(turned(pose)).transpose(1, 2),
+        wrist=between(actions.wrist.transpose(1, 2)).transpose(1, 2),
+        rotation=turned(actions.rotation),
+        translation=between(actions.translation),
+        joint=between(actions.joint),
+    )
+
+
+def moved_by_hands(actions: Actions) -> Actions:
+    """The same actions with objects that move only while a hand touches them.
+
+    Every step of the object between two touched frames is kept, every other one is left out; hands
+    stay where they are at the object. An object that nearly stands on the table at the start or at
+    the end, or that no hand touches there, does: what is left over is spread over the second
+    half of its motion. No point of an object is ever under the table.
+    """
+    touched = touching_hands(actions).any(1)
+    moves = (touched[:, 1:] & touched[:, :-1]).to(actions.translation)
+    start = _standing(actions.rotation[:, 0], actions.translation[:, 0], touched[:, 0])
+    rotation, translation = [start[0]], [start[1]]
+    step_turn = actions.rotation[:, :-1].mT @ actions.rotation[:, 1:]
+    step_turn = matrix_to_axis_angle(step_turn) * moves[..., None]
+    step = (actions.translation[:, 1:] - actions.translation[:, :-1]) * moves[..., None]
+    for frame in range(moves.shape[1]):
+        rotation.append(rotation[-1] @ axis_angle_to_matrix(step_turn[:, frame]))
+        translation.append(translation[-1] + step[:, frame])
+    turned, shifted = torch.stack(rotation, 1), torch.stack(translation, 1)
+    way = step.norm(dim=-1) + 0.1 * step_turn.norm(dim=-1)
+    progress = torch.nn.functional.pad(way.cumsum(1), (1, 0)) / way.sum(1).clamp(min=1e-9)[:, None]
+    held = touched[torch.arange(len(touched)), actions.length - 1]
+    end = _standing(turned[:, -1], shifted[:, -1], held)
+    share = minimum_jerk((2 * progress - 1).clamp(min=0))[..., None]
+    left_turn = matrix_to_axis_angle(end[0] @ turned[:, -1].mT)[:, None] * share
+    turned = axis_angle_to_matrix(left_turn) @ turned
+    shifted = shifted + (end[1] - shifted[:, -1])[:, None] * share
+    lowest = (actions.posed_points() @ turned[..., 2, :, None])[..., 0].amin(-1) + shifted[..., 2]
+    shifted = shifted - lowest.clamp(max=0)[..., None] * torch.eye(3)[2].to(shifted)
+    joint = actions.joint[:, :1] + torch.nn.functional.pad(
+        (actions.joint.diff(dim=1) * moves).cumsum(1), (1, 0)
+    )
+    return with_object_motion(actions, turned, shifted, joint)
+
+
+def _standing(
+    rotation: Float[Tensor, "B 3 3"], translation: Float[Tensor, "B 3"], held: Bool[Tensor, " B"]
+) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
+    """The pose on the table next to one that is nearly there or not held; others as they are."""
+    yaw = torch.atan2(rotation[:, 1, 0] - rotation[:, 0, 1], rotation[:, 0, 0] + rotation[:, 1, 1])
+    upright = axis_angle_to_matrix(yaw[:, None] * torch.eye(3)[2].to(rotation))
+    tilt = matrix_to_axis_angle(rotation @ upright.mT).norm(dim=-1)
+    stands = ~held | ((tilt < UPRIGHT_TURN) & (translation[:, 2] < ON_TABLE))
+    ground = translation * translation.new_tensor([1.0, 1.0, 0.0])
+    return (
+        torch.where(stands[:, None, None], upright, rotation),
+        torch.where(stands[:, None], ground, translation),
+    )
+
+
+def with_object_motion(
+    actions: Actions,
+    rotation: Float[Tensor, "B T 3 3"],
+    translation: Float[Tensor, "B T 3"],
+    joint: Float[Tensor, "B T"],
+) -> Actions:
+    """The same actions with another motion of the object, which the hands go along with."""
+    change = rotation @ actions.rotation.mT
+    apart = actions.wrist - actions.translation[:, None]
+    wrist = (change[:, None] @ apart[..., None])[..., 0] + translation[:, None]
+    turn = change[:, None] @ axis_angle_to_matrix(actions.pose[..., 0, :])
+    pose = torch.cat([matrix_to_axis_angle(turn)[..., None, :], actions.pose[..., 1:, :]], -2)
+    there = actions.hands[:, :, None, None]
+    return replace(
+        actions,
+        rotation=rotation,
+        translation=translation,
+        joint=joint,
+        wrist=wrist * there,
+        pose=pose * there[..., None],
+    ).ended()

@@ -1,0 +1,216 @@
+"""Hands brought to the surface they hold: penetration and gaps that a network leaves are undone.
+
+Ours. Some poses of a hold descend the energy by which the training data were grasped
+(`geneoh.synthesis.grasping.grasps`), and the best is kept. While the object moves the hand stays in
+this pose at it, so that contact holds; where the object rests, the change goes to the whole touch.
+It fades out on the ways to the object and from it, on which hands are taken out of the object.
+"""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.generators.text2hoi.physics.held_hands import (
+    FIRM,
+    TOUCH,
+    HeldHands,
+    Holding,
+    frames_of_motion,
+    lifted,
+    mean_offsets,
+    new_hold,
+    table_of,
+)
+from geneoh.generators.text2hoi.physics.resting import touching_hands
+from geneoh.generators.text2hoi.physics.standing import StandingObject
+from geneoh.generators.text2hoi.physics.withdrawing import withdrawn
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.synthesis.actions.action import Actions
+from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.grasping.grasp_energy import GraspEnergy
+from geneoh.synthesis.grasping.grasps import GraspConfig, Grasps, settled_grasps
+from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.shapes.objects import scanned_object
+from geneoh.synthesis.shapes.scans import MeshFolder, build_scans
+from geneoh.synthesis.shapes.solids import Solids
+
+REACH = 0.012
+"""Distance from the surface within which a pad of the hand is brought to it, metres."""
+DEEP = 0.004
+"""Depth of a hold from which another one is looked for, metres."""
+TRIES = 5  # poses of a hold of which the one that settles best is taken
+LOOSE = 20.0
+"""Pads that a hold is worth which bears pushes from all sides, against one that bears none."""
+FADE = 40.0  # frames over which the change fades out: over 15 hands jerked to their holds
+ROUNDS = 12  # in which a hand is taken out of what it is in
+SMOOTH = 2.0  # deviation in frames over which ways out of the object are smoothed
+SETTLING = GraspConfig(
+    steps=80,
+    wrist_rate=0.003,
+    angle_rate=0.02,
+    energy=GraspEnergy(liked=0.5),  # fingers stay nearer to how they were drawn
+)
+
+
+def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
+    """The standing object as a grid of signed distance, and the middle that it is around."""
+    verts = stood.mesh.verts @ stood.rotation.T + stood.shift
+    middle = (verts.amin(0) + verts.amax(0)) / 2
+    name = "the mesh" if stood.mesh.source is None else str(stood.mesh.source)
+    found = MeshFolder((name,), (), "", (Mesh(verts - middle, stood.mesh.faces),))
+    return scanned_object(build_scans(found)), middle
+
+
+def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generator) -> Actions:
+    """The first action with hands that touch its object and sink into neither it nor the table.
+
+    The hand that carries the object longer keeps its place, and the other one makes way for it.
+    Where no drawn pose can hold what it lifts, the hand takes the nearest grasp that can.
+    """
+    solids, middle = solid_of(stood)
+    touching, moves = touching_hands(actions)[0], frames_of_motion(actions)
+    before: OtherHands | None = None
+    other_way: OtherHands | None = None
+    for number in (touching & moves).sum(1).argsort(descending=True).tolist():
+        if not bool(touching[number].any()):
+            continue
+        own = solids if number else solids.mirrored()
+        carrying = touching[number] & moves
+        hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
+        hand, table = HeldHands.of(actions, number, middle), table_of(actions, number, middle)
+        below = hold[table.depth(*hand.spheres).amax(1)[hold].argmax()]
+        nearest = table.take(below[None], "B")
+        held, frame, fits = settled_pose(own, hand, hold, before, nearest)
+        frames = hold if bool(carrying.any()) else frame.expand(1)
+        if not fits and lifted(actions, carrying):
+            held = new_hold(own, hand.take(frame[None], "N"), before, nearest, generator) or held
+        hand = kept_pose(own, hand, held, frames, hold, table, other_way)
+        actions = hand.into(actions, number, middle)
+        before, other_way = held.mirrored_spheres, hand.mirrored_spheres
+    return actions
+
+
+def settled_pose(
+    solids: Solids,
+    hand: HeldHands,
+    hold: Int[Tensor, " N"],
+    before: OtherHands | None,
+    table: Table,
+    part: Solids | None = None,
+) -> tuple[HeldHands, Int[Tensor, ""], bool]:
+    """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
+
+    Best is who holds the object firmly against pushes and touches with most pads, less what sinks
+    in, beside the hand `before` and over the table.
+    """
+    tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
+    copies = torch.zeros(TRIES, dtype=torch.long)
+    start, table, solids = hand.take(tried, "N"), table.take(copies, "B"), solids.take(copies, "B")
+    start = replace(start, wrist=start.wrist + shifts_out_of_table(start, table))
+    other = None if before is None else before.take(copies, "B")
+    if other is not None:
+        start = moved_out_of(start, other)
+    grasps = Grasps(
+        pose=start.pose,
+        wrist=start.wrist,
+        offsets=mean_offsets().expand(TRIES, -1, -1),
+        kept=torch.ones(TRIES, dtype=torch.bool),
+        types=torch.zeros(TRIES, dtype=torch.long),
+    )
+    out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table, other=other)
+    # a hand that comes out of the object from deep inside is drawn back to what is then next to it
+    after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table, other=other)
+    found = HeldHands(after.pose, after.wrist)
+    centers, radii = found.spheres
+    depth = (radii - solids.signed_distance(centers)).maximum(table.depth(centers, radii))
+    depth = depth.clamp(min=0).amax(1)
+    if other is not None:
+        depth = depth + other.depth(centers, radii).clamp(min=0).amax(1)
+    touched = solids if part is None else part.take(copies, "B")
+    holding = Holding.of(touched, found)
+    best = (holding.touching - depth / TOUCH - LOOSE * holding.loose).argmax()
+    fits = (holding.loose[best] < FIRM) & (depth[best] < DEEP)
+    return found.take(best[None], "N"), tried[best], bool(fits)
+
+
+def moved_out_of(hands: HeldHands, other: OtherHands) -> HeldHands:
+    """Hands shifted until they are out of others."""
+    for _ in range(ROUNDS):
+        hands = replace(hands, wrist=hands.wrist + shifts_out_of_hand(hands, other))
+    return hands
+
+
+def shifts_out_of_hand(hands: HeldHands, other: OtherHands) -> Float[Tensor, "N 3"]:
+    """Shifts that take the deepest sphere of each hand out of the other hand's, metres."""
+    rows, count = torch.arange(len(hands.wrist)), other.radii.shape[1]
+    centers, radii = hands.spheres
+    depth, deepest = other.overlap(centers, radii).flatten(1).max(1)
+    way = centers[rows, deepest // count] - other.centers[rows, deepest % count]
+    return depth.clamp(min=0)[:, None] * torch.nn.functional.normalize(way, dim=-1)
+
+
+def kept_pose(
+    solids: Solids,
+    hand: HeldHands,
+    held: HeldHands,
+    frames: Int[Tensor, " N"],
+    hold: Int[Tensor, " M"],
+    table: Table,
+    other: OtherHands | None,
+) -> HeldHands:
+    """A hand that is in the pose `held` from the first to the last of some frames.
+
+    Where the hold is longer, the change at these frames goes to all of it. It fades out on the ways
+    to the hold and from it, on which the hand is taken out of the object, the table and the other
+    hand.
+    """
+    share = _fading(hold, len(hand.wrist))[:, None]
+    end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
+    changed = hand.take(end, "N")
+    bend = axis_angle_to_matrix(held.pose[:, 0]) @ axis_angle_to_matrix(changed.pose[:, 0]).mT
+    bend = axis_angle_to_matrix(share * matrix_to_axis_angle(bend))
+    turn = matrix_to_axis_angle(bend @ axis_angle_to_matrix(hand.pose[:, 0]))
+    fingers = hand.pose[:, 1:] + share[..., None] * (held.pose[:, 1:] - changed.pose[:, 1:])
+    wrist = hand.wrist + share * (held.wrist - changed.wrist)
+    found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
+    # the held pose itself needs no way out, and one next to it only what is left of the change
+    out = (1 - share**4) * shifts_out(solids, found, table, other)
+    return withdrawn(replace(found, wrist=wrist + out), hold, solids, table, other)
+
+
+def shifts_out_of_table(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
+    """Shifts that take hands out of the table, straight up, metres."""
+    return table.depth(*hand.spheres).amax(1).clamp(min=0)[:, None] * table.up
+
+
+def shifts_out(
+    solids: Solids, hand: HeldHands, table: Table, other: OtherHands | None = None
+) -> Float[Tensor, "T 3"]:
+    """Shifts that take a hand out of its object, the table and the other hand, smooth over the
+    frames, metres.
+
+    The deepest part of the hand moves along the normal of the surface until none is inside.
+    """
+    start, frames = hand.wrist, torch.arange(len(hand.wrist))
+    for _ in range(ROUNDS):
+        centers, radii = hand.spheres
+        asked = centers if len(solids.kind) > 1 else centers.flatten(0, 1)[None]
+        distance, normal = solids.distance_and_normal(asked)
+        depth, deepest = (radii - distance.view(radii.shape)).clamp(min=0).max(1)
+        shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
+        hand = replace(hand, wrist=hand.wrist + shift)
+        if other is not None:
+            hand = replace(hand, wrist=hand.wrist + shifts_out_of_hand(hand, other))
+        hand = replace(hand, wrist=hand.wrist + shifts_out_of_table(hand, table))
+    kernel = torch.exp(-0.5 * ((frames - frames[:, None]) / SMOOTH) ** 2)
+    return kernel / kernel.sum(1, keepdim=True) @ (hand.wrist - start)
+
+
+def _fading(frames: Int[Tensor, " N"], count: int) -> Float[Tensor, " T"]:
+    """1 from the first to the last of some frames, falling to 0 beside them."""
+    time = torch.arange(count, dtype=torch.float32)
+    off = torch.maximum(frames[0] - time, time - frames[-1]).clamp(min=0)
+    return 1 - minimum_jerk(off / FADE)

@@ -1,0 +1,96 @@
+"""Hands that come straight to a hold and go straight from it, where they would pass through walls.
+
+What a hand reaches around, such as a handle or the edge of a lid, lets it go in some directions
+alone. Of several the one is taken in which the hand stays out of the object, the table and the
+other hand.
+"""
+
+from itertools import product
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.bundle import concatenated
+from geneoh.generators.text2hoi.physics.held_hands import HeldHands
+from geneoh.geometry.rotations import (
+    axis_angle_to_matrix,
+    interpolate_rotations,
+    matrix_to_axis_angle,
+)
+from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.shapes.solids import Solids
+
+BACK, OUT = (0.06, 0.12), 12.0
+"""How far a hand may go back from its hold, metres, and in how many frames."""
+JOINED = (20.0, 40.0)  # frames from its hold after which it may be where it was drawn
+DEEP = 0.006
+"""Depth on the way to a hold or from it above which another way is looked for, metres."""
+FORCED = 0.1
+"""What a metre per squared frame counts by which the wrist accelerates, against one of depth."""
+
+
+def withdrawn(
+    hand: HeldHands,
+    hold: Int[Tensor, " N"],
+    solids: Solids,
+    table: Table,
+    other: OtherHands | None,
+) -> HeldHands:
+    """A hand whose ways to a hold, in the frames `hold`, and from it do not pass through its
+    object, the table or the other hand, as far as one can be found; the same where they do not."""
+    frames = torch.arange(len(hand.wrist))
+    for end, off in ((hold[0], hold[0] - frames), (hold[-1], frames - hold[-1])):
+        way = frames[(off > 0) & (off < JOINED[-1])]
+        if not len(way):
+            continue
+        drawn = hand.take(way, "N")
+        deep = depths(drawn, way, solids, table, other)
+        if float(deep.amax()) < DEEP:
+            continue
+        ways = concatenated(
+            [drawn, *_ways(drawn, hand.take(end[None], "N"), off[way].float())], "N"
+        )
+        count = len(ways.wrist) // len(way)
+        found = depths(ways, way.repeat(count), solids, table, other)
+        forced = ways.wrist.unflatten(0, (count, -1)).diff(n=2, dim=1).norm(dim=-1).sum(1)
+        best = (found.unflatten(0, (count, -1)).sum(1) + FORCED * forced).argmin()
+        taken = ways.take(best * len(way) + torch.arange(len(way)), "N")
+        hand = HeldHands(
+            hand.pose.index_copy(0, way, taken.pose), hand.wrist.index_copy(0, way, taken.wrist)
+        )
+    return hand
+
+
+def depths(
+    hands: HeldHands,
+    frames: Int[Tensor, " N"],
+    solids: Solids,
+    table: Table,
+    other: OtherHands | None,
+) -> Float[Tensor, " N"]:
+    """How deep hands in some frames are in their objects, the table or the other hand, metres."""
+    centers, radii = hands.spheres
+    posed = solids.take(frames if len(solids.kind) > 1 else torch.zeros_like(frames), "B")
+    depth = radii - posed.signed_distance(centers)
+    depth = depth.maximum(table.take(frames, "B").depth(centers, radii))
+    if other is not None:
+        depth = depth.maximum(other.take(frames, "B").depth(centers, radii))
+    return depth.clamp(min=0).amax(1)
+
+
+def _ways(drawn: HeldHands, held: HeldHands, off: Float[Tensor, " N"]) -> list[HeldHands]:
+    """Hands that go back from a hold in several directions and then join the drawn one."""
+    found = []
+    steps = torch.tensor([-1.0, 0.0, 1.0])
+    sides = torch.cartesian_prod(steps, steps, steps)
+    sides = torch.nn.functional.normalize(sides[sides.norm(dim=-1) > 0], dim=-1)
+    turns = axis_angle_to_matrix(held.pose), axis_angle_to_matrix(drawn.pose)
+    for back, joined in product(BACK, JOINED):
+        share = minimum_jerk(off / joined)
+        pose = matrix_to_axis_angle(interpolate_rotations(*turns, share[:, None]))
+        for side in sides:
+            place = held.wrist + back * minimum_jerk(off / OUT)[:, None] * side
+            found.append(HeldHands(pose, torch.lerp(place, drawn.wrist, share[:, None])))
+    return found

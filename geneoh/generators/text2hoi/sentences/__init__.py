@@ -1,0 +1,1 @@
+"""What a sentence asks for, and the sentences that networks learn from."""

@@ -1,0 +1,91 @@
+"""The length that a sentence states, such as "for two seconds" or "in 90 frames"."""
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+from geneoh.generators.sentences import refused
+from geneoh.generators.text2hoi.networks.length import SHORTEST
+from geneoh.synthesis.actions.action import FPS, LONGEST
+
+_SMALL = (
+    *("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"),
+    *("eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen"),
+    "nineteen",
+)
+_TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+_VALUES = {word: value for value, word in enumerate(_SMALL)}
+_VALUES |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
+_VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarter": 0.25}
+_UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
+"""Frames of each unit; of all others those of a second."""
+_WORD = "|".join((*_VALUES, "hundred"))
+_FRACTION = r"(?:\d{1,3} )?\d{1,3}/[1-9]\d{0,2}"
+_NUMBER = rf"{_FRACTION}|\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
+_ABOUT = r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just) )*"
+_BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
+_STATED = re.compile(
+    rf"(?P<words>(?P<before>{_BEFORE})(?P<number>\b(?:{_NUMBER}))(?: of)?(?: |-)?"
+    r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b(?: long)?)",
+    re.IGNORECASE,
+)
+_NO_LENGTH = re.compile(r"\b(after|every|each|ago|until|the)$", re.IGNORECASE)
+"""Words after which a time is none of the length: "after two seconds"."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A length as a sentence states it."""
+
+    words: str
+    frames: int
+
+
+def stated_length(sentence: str) -> tuple[str, Stated | None]:
+    """A sentence without the length that it states, and that length at 30 frames a second.
+
+    Raises:
+        InputError: it states more than one.
+    """
+    found = [match for match in _STATED.finditer(sentence) if _is_length(match)]
+    if not found:
+        return sentence, None
+    if len(found) > 1:
+        listed = " and ".join(f"'{match['words']}'" for match in found)
+        raise refused(sentence, f"one length, found {listed}; keep one of them")
+    (match,) = found
+    each = next(
+        (size for unit, size in _UNITS.items() if match["unit"].lower().startswith(unit[:3])), FPS
+    )
+    rest = sentence[: match.start()] + sentence[match.end() :]
+    return " ".join(rest.split()), Stated(match["words"], round(each * number_of(match["number"])))
+
+
+def _is_length(match: re.Match[str]) -> bool:
+    """Whether a time is the length: "a second cup" and "after two seconds" are none."""
+    alone = match["number"].lower() in ("a", "an", "one") and match["unit"].lower() == "second"
+    before = match.string[: match.start()].rstrip()
+    letter = match["unit"] in "sS" and not match["number"][0].isdecimal()
+    return not (letter or (alone and not match["before"]) or _NO_LENGTH.search(before))
+
+
+def number_of(text: str) -> float:
+    """The number that digits or words say: "2.5", "1 1/2", "two and a half", "a hundred"."""
+    if text[0].isdecimal():
+        return float(sum(Fraction(part) for part in text.replace(",", ".").split()))
+    words = [word for word in re.split(r"[ -]", text.lower()) if word not in ("and", "of")]
+    total = 0.0
+    for word in words:
+        if word == "hundred":
+            total = 100 * max(total, 1)
+        elif not (word in ("a", "an") and len(words) > 1):  # "half a", "a couple", "and a half"
+            total += _VALUES[word]
+    return float(total)
+
+
+def length_in_frames(sentence: str, stated: Stated | None) -> int | None:
+    """The stated length, if there is one; `InputError` where no clip can be so long or short."""
+    if stated is None or SHORTEST <= stated.frames <= LONGEST:
+        return None if stated is None else stated.frames
+    known = f"a length of {SHORTEST} to {LONGEST} frames, {LONGEST / FPS:g} seconds at most"
+    raise refused(sentence, f"{known}, found '{stated.words}'; say another one or pass --frames")

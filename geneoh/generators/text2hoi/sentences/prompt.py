@@ -1,0 +1,247 @@
+"""What a user's sentence asks for: the hands, and the verb as far as it is known."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from geneoh.choices import HANDS, SIDES, HandsName, Side
+from geneoh.generators.pieces import words_of
+from geneoh.generators.sentences import check_english, nearest_word, refused
+from geneoh.generators.text2hoi.networks.text import shipped_model
+from geneoh.generators.text2hoi.sentences.captions import ADJECTIVES
+from geneoh.generators.text2hoi.sentences.duration import length_in_frames, stated_length
+from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, SMALL_WORDS, THINGS
+from geneoh.generators.text2hoi.sentences.negation import no_hand_in, rules_out, without_ruled_out
+from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS, outcomes_as_verbs
+from geneoh.generators.text2hoi.sentences.passing import MY, asked_giver
+from geneoh.generators.text2hoi.sentences.text_data import WORDS
+from geneoh.language.conjugation import forms
+from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
+from geneoh.synthesis.actions.action import VERBS
+
+EXAMPLE = '"pour from the kettle with the right hand"'
+
+JOINTED = ("open", "close")
+"""Verbs that were learned from objects of two parts."""
+_SIDES = rf"{MY}(left|right)( hand)?"
+_BOTH = re.compile(
+    rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
+    rf"|\bboth\b(?! \w+s\b)|\b(with|using|by|between) {MY}hands\b|\b(in)?to the other hand\b"
+    rf"|\b(left)( hand)? and {MY}right\b|\b(right)( hand)? and {MY}left\b"
+    rf"|\b(left) hand\b.*\b(and|while)\b.*\bright hand\b"
+    rf"|\b(right) hand\b.*\b(and|while)\b.*\bleft hand\b"
+    rf"|\bfrom {MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {MY}\w+ hand\b"
+)
+_TO_ITSELF = re.compile(rf"\bfrom {MY}(left|right) hand\b.*\b(?:in)?to {MY}\1 hand\b")
+_WITH_ONE = re.compile(rf"\b(with|using|by) {MY}(left|right)\b")
+_ONE: dict[HandsName, re.Pattern[str]] = {
+    hands: re.compile(
+        rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {MY}{side}\b"
+    )
+    for hands, side in zip(HANDS, SIDES, strict=False)
+}
+_NO_VERB_AFTER = frozenset(
+    ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
+)
+"""Words that no verb follows: what looks like one is a noun there."""
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A sentence, and what it asks for."""
+
+    sentence: str
+    hands: HandsName
+    verb: str
+    """Of `geneoh.synthesis.actions.action.VERBS`: the one that is named, or the nearest."""
+    known: bool
+    """Whether made actions show the verb that the sentence names."""
+    notes: tuple[str, ...]
+    """What was assumed, a sentence each, for the user."""
+    told: str
+    """The sentence for the networks: without its length and what it rules out."""
+    frames: int | None
+    """The length that it states, at 30 frames a second; None without."""
+    giver: Side | None
+    """The hand that passes the object to the other; None where either may."""
+
+
+def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) -> Prompt:
+    """What a sentence asks for, by its words first and then by our text encoder.
+
+    A verb that no made action shows is replaced by the nearest one, and a sentence that names no
+    hand gets the right one, or both to pass something; `notes` say so. `frames` is the length that
+    the caller asks for, which counts more than one in the sentence.
+
+    Raises:
+        InputError: the text is empty, too long or not English, contradicts itself in the hands,
+            rules out its verb or all hands, or states a length that no clip has.
+    """
+    sentence = " ".join(text.split())
+    words, on = words_of(sentence), "hands and an object"
+    check_english(sentence, words, known_words(), on=on, example=EXAMPLE)
+    rest, stated = stated_length(sentence.replace("\u2019", "'"))
+    length = length_in_frames(sentence, stated) if frames is None else None
+    said, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
+    words = outcomes_as_verbs(said.split(), jointed=jointed)
+    words, left_out = without_ruled_out_verbs(sentence, words)
+    words = with_other_hand(sentence, words, ruled_out)
+    told = sentence if words == words_of(sentence) else " ".join(words)
+    verb, known, verb_notes = asked_verb(told, words)
+    if verb in JOINTED and not jointed:
+        verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
+    if jointed and verb not in JOINTED:
+        verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
+    hands, hand_notes = asked_hands(told, words, verb)
+    notes = (*verb_notes, *left_out, *hand_notes)
+    if stated is not None:
+        instead = "" if length else f", but {frames} are asked for"
+        notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)
+    giver = asked_giver(" ".join(words)) if (verb, hands) == ("pass", "both hands") else None
+    return Prompt(sentence, hands, verb, known, notes, told, length, giver)
+
+
+def without_ruled_out_verbs(
+    sentence: str, words: Sequence[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """Words without the verbs that they rule out, and a note on each; another one must be left."""
+    kept, left_out = list(words), []
+    for index in reversed(range(len(words))):
+        start = index + rules_out(kept, index)
+        if start > index and starts_with_verb(kept[start:]):
+            stop = start + 1 + (kept[start + 1 : start + 2] in (["it"], ["them"]))
+            left_out.append(" ".join(kept[index:stop]))
+            del kept[index:stop]
+    if left_out and not named_verbs(as_meant(kept)):
+        only = f"found only '{left_out[-1]}'; say what they do, such as {EXAMPLE}"
+        raise refused(sentence, f"an action that hands do, {only}")
+    return kept, tuple(f"'{phrase}' is not followed" for phrase in reversed(left_out))
+
+
+def starts_with_verb(words: Sequence[str]) -> bool:
+    """Whether words start with a verb, whose particle may follow later."""
+    meant = as_meant(words)
+    more = named_verbs(meant).keys() - named_verbs(meant[1:]).keys()
+    return bool(more or named_verbs(meant[:1]))
+
+
+def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side]) -> list[str]:
+    """Words with the hand that is left where they rule out the other one and name none."""
+    said, found = " ".join(words), ""
+    if len(ruled_out) == len(SIDES):
+        found = "neither of the two"
+    elif none := no_hand_in(said):
+        found = f"'{none}'"
+    elif ruled_out and (_BOTH.search(said) or any(f"{side} hand" in said for side in ruled_out)):
+        found = f"the {min(ruled_out)} hand both named and ruled out"
+    if found:
+        raise refused(sentence, f"hands that act, found {found}; name those that do")
+    if not ruled_out or any(pattern.search(said) for pattern in _ONE.values()):
+        return words
+    return [*words, "with", "the", next(side for side in SIDES if side not in ruled_out), "hand"]
+
+
+def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[str, ...]]:
+    """The verb of made actions, whether the sentence names it, and notes."""
+    named, meant, model = named_verbs(words), words, shipped_model()
+    if not named:
+        meant = as_meant(words)
+        named = named_verbs(meant)
+    scores = dict(zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True))
+    if not named:
+        nearest = max(VERBS, key=lambda verb: scores[verb])
+        return nearest, False, (f"no verb of the sentence is known; the nearest is '{nearest}'",)
+    said = max(named, key=lambda verb: scores[verb])
+    phrase_words = named[said].split()
+    notes = tuple(
+        f"'{word}' is read as '{other}'"
+        for word, other in zip(words, meant, strict=True)
+        if word != other and other in phrase_words
+    )
+    notes += tuple(
+        f"one action is made, '{named[said]}'; '{phrase}' is left out"
+        for verb, phrase in named.items()
+        if verb in VERBS and verb != said
+    )
+    if said in VERBS:
+        return said, True, notes
+    nearest = OTHER_VERBS[said][0]
+    note = f"'{named[said]}' was never learned; the nearest verb is '{nearest}'"
+    return nearest, False, (note, *notes)
+
+
+def named_verbs(words: Sequence[str]) -> dict[str, str]:
+    """Verbs of `text_data.WORDS` that words name, with the words that name them.
+
+    A longer phrase hides a shorter one in it: "put in" is no "put". The particle of a phrase may
+    follow later in the sentence.
+    """
+    found: dict[str, str] = {}
+    for start, word in enumerate(words):
+        if start and words[start - 1] in _NO_VERB_AFTER:
+            continue
+        for phrase, verb in _phrases().get(word, ()):
+            rest = phrase.split()[1:]
+            after = list(words[start + 1 :])
+            later = len(rest) == 1 and rest[0] in PARTICLES and _follows(rest[0], after)
+            if after[: len(rest)] == rest or later:
+                found.setdefault(verb, phrase)
+                break
+    return found
+
+
+def _follows(particle: str, words: Sequence[str]) -> bool:
+    """Whether a particle is among words and tells no object, as in "the open drawer"."""
+    before = ("", *words)
+    return any(w == particle and before[n] not in DETERMINERS for n, w in enumerate(words))
+
+
+def asked_hands(
+    sentence: str, words: Sequence[str], verb: str
+) -> tuple[HandsName, tuple[str, ...]]:
+    """The hands that a sentence asks for: by its words, else as our encoder reads it."""
+    said = " ".join(words)
+    if found := _TO_ITSELF.search(said):
+        twice = f"the {found[1]} hand twice; name the other one, or leave out where it goes"
+        raise refused(sentence, f"two hands to pass something between, found {twice}")
+    passed = verb == "pass" and asked_giver(said) and not _WITH_ONE.search(said)
+    if passed or _BOTH.search(said):
+        return "both hands", ()
+    one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
+    if len(one) == 2:
+        both = "the left hand and the right hand; write 'both hands', or name one of them"
+        raise refused(sentence, f"one choice of hands, found {both}")
+    if one:
+        return one[0], ()
+    model = shipped_model()
+    read = model.hands[int(model.read(sentence).hands[0].argmax())]
+    if read == "left hand" or read == "right hand" or read == "both hands":
+        return read, (f"the sentence names no hand plainly; it is read as '{read}'",)
+    hands: HandsName = "both hands" if verb == "pass" else "right hand"
+    return hands, (f"the sentence names no hand; '{hands}' is taken",)
+
+
+@cache
+def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
+    """All forms of all words of verbs by their first word, longest first, each with its verb."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for verb, words in WORDS.items():
+        for phrase in (form for word in (*words, verb) for form in forms(word)):
+            if phrase not in ("hand", "hands"):  # the hand that acts, nearly always
+                found.setdefault(phrase.split()[0], []).append((phrase, verb))
+    return {first: tuple(sorted(f, key=lambda each: -len(each[0]))) for first, f in found.items()}
+
+
+def as_meant(words: Sequence[str]) -> list[str]:
+    """Words of which misspelt ones are replaced by those that they resemble."""
+    return [nearest_word(word, known_words()) or word for word in words]
+
+
+@cache
+def known_words() -> frozenset[str]:
+    """All words of our lists on hands and objects."""
+    verbs = [form for words in WORDS.values() for word in words for form in forms(word)]
+    nouns = [noun for words in NOUN_WORDS.values() for noun in words]
+    listed = " ".join([*verbs, *nouns, *NOUN_WORDS, *THINGS, *ADJECTIVES])
+    return frozenset(listed.split()) | SMALL_WORDS

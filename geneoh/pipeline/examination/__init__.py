@@ -1,0 +1,1 @@
+"""Faults of a track that are found before it is cleaned."""

@@ -1,0 +1,98 @@
+"""A hand without an object, which is one more natural case for MotionDiff: far from any surface all
+that it reads of the object is zero. The canonical frame stands still in the world, in the middle of
+the hand's path."""
+
+import math
+from dataclasses import dataclass, fields
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.fitting.subject import Subject
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import MovingSurface
+from geneoh.hand.model import ShapedHand
+from geneoh.metrics.contact import TOUCH
+from geneoh.metrics.report import InteractionReport, measure_posed
+from geneoh.metrics.smoothness import (
+    acceleration,
+    mean_over_frames,
+    per_frame_squared,
+    valid_differences,
+)
+from geneoh.pipeline.stages.context import StageContext
+from geneoh.pipeline.touch import verts_of_fingers
+from geneoh.representation.region import ContactRegion
+from geneoh.sequence.keypoints import palm_axes
+
+FAR = 1.0  # metres at which nothing of a surface is seen: closeness decays over centimetres
+
+
+@dataclass(frozen=True)
+class HandAlone(StageContext):
+    """The context of a hand without an object."""
+
+    def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
+        """The canonical frame of each window, without contact points."""
+        windows = self.windows(joints)
+        none = windows[:, :, :0]
+        axes = self.rotation[0, 0].expand(*windows.shape[:2], 3, 3)
+        middle = windows.mean((1, 2))[:, None].expand(*windows.shape[:2], 3)
+        return ContactRegion(none, none, axes, middle)
+
+    def nearest_surface(
+        self, joints: Float[Tensor, "T 21 3"]
+    ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
+        """A surface too far away to be seen."""
+        up = joints.new_tensor([0.0, 0.0, 1.0]).expand_as(joints)
+        return joints + FAR * up, -up
+
+
+def hand_alone(subject: Subject, fps: float) -> HandAlone:
+    """The context of a hand in a frame that stands still in the world, with the axes of the mean
+    palm: a scene may lie in any way."""
+    joints = subject.joints
+    axes, middle = palm_axes(joints[None])[0], joints.mean((0, 1))
+    return HandAlone(
+        points=joints.new_zeros(0, 3),
+        normals=joints.new_zeros(0, 3),
+        part=torch.zeros(0, dtype=torch.long, device=joints.device),
+        rotation=axes.expand(len(joints), 1, 3, 3),
+        translation=middle.expand(len(joints), 1, 3),
+        trust=subject.trust,
+        fps=fps,
+    )
+
+
+def measure_hand(
+    state: HandState,
+    shaped: ShapedHand,
+    joints: Float[Tensor, "T 21 3"],
+    surface: MovingSurface | None,
+    fps: float,
+    valid: Bool[Tensor, " T"],
+    *,
+    within: float = TOUCH,
+) -> tuple[InteractionReport, Float[Tensor, "T 5"] | None]:
+    """The report of a hand and its object over the valid frames, with NaN for what needs an object
+    where there is none; and how far each finger's skin is off in all frames, metres, exact up to
+    `within`."""
+
+    def verts_of(frames: slice) -> Float[Tensor, "N V 3"]:
+        return state[frames].verts(shaped)[0]
+
+    if surface is not None:
+        model = shaped.model
+        return measure_posed(
+            *(verts_of, joints, surface, fps, valid),
+            faces=model.faces,
+            groups=verts_of_fingers(model),
+            within=within,
+        )
+    bends = per_frame_squared(acceleration(joints, fps), fps)
+    nothing = {
+        field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"
+    }
+    mean = float(mean_over_frames(bends, valid_differences(valid, 2)))
+    return InteractionReport(int(valid.sum()), **{**nothing, "acceleration_mm": mean}), None

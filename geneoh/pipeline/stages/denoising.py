@@ -1,0 +1,225 @@
+"""The three stages on world hands: window, canonicalise, denoise, blend back.
+
+Windows and samples share one batch, as many as `StageContext.pieces` has at a time. In
+`denoise_motion` the whole track is diffused in the object's frame: each denoiser call cuts the
+track into windows and blends their results, so that windows agree at every noise level and no seam
+forms. A rigid motion of the scene moves the result rigidly. The stages in the paper's form are in
+`geneoh.pipeline.stages.paper`.
+"""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.baselines.filters import Filter, smooth
+from geneoh.bundle import concatenated
+from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
+from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.temporal import StepCorrection, TemporalDenoiser
+from geneoh.diffusion.posterior import Posterior, along_a_track
+from geneoh.diffusion.samplers import Model, denoise_via_diffusion
+from geneoh.diffusion.schedule import descending_sigmas
+from geneoh.fitting.align import align_to_steps
+from geneoh.pipeline.presets import PlacePlan, StagePlan
+from geneoh.pipeline.stages.context import Piece, StageContext, repeated
+from geneoh.progress import OnStep, counted
+from geneoh.representation.parameters import HandParameters, turned
+from geneoh.sequence.keypoints import palm_axes
+from geneoh.sequence.windows import blocks
+
+CONSTANT_SHARE = 0.85
+"""Correlation of the shifts of two windows far apart: most of what lasts for a window lasts for the
+whole clip, as the depth of a camera's estimates does."""
+TOGETHER = 64
+"""Windows whose shifts are found together, a minute of them: the work grows with their cube."""
+LASTING, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
+"""What of a shift by TemporalDiff lasts, and its largest length in metres: 5 mm are usual."""
+
+
+def denoise_motion(
+    model: MotionDenoiser,
+    hand: HandParameters,
+    context: StageContext,
+    plan: StagePlan,
+    *,
+    samples: int,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> HandParameters:
+    """MotionDiff: `samples` hands of the world with natural canonical trajectories.
+
+    `hand` is the observed one in the world frame, one sample, gaps filled.
+    """
+    pieces = context.pieces(samples)
+    advance = counted(on_step, plan.calls * len(pieces))
+
+    def observed(frames: slice, piece: StageContext) -> ObservedMotion:
+        own = hand[frames]
+        return piece.observed_motion(own, piece.region(own.joints))
+
+    seen = [observed(frames, piece) for _, frames, piece in pieces]
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        def answer(index: int) -> Tensor:
+            _, frames, piece = pieces[index]
+            windows = piece.windows(x[:, frames])
+            # a copy, so that what the network reads is not kept: on long tracks it is too much
+            found = model(windows, windows.new_full((len(windows),), sigma), replace(seen[index]))
+            advance()
+            return found
+
+        return context.joined(map(answer, range(len(pieces))), samples)
+
+    still = hand.wrist.new_zeros(samples, context.frames, 51)
+    change = diffused(clean, still, plan, samples, generator)
+    if context.canonical:  # the wrist moves in the axes of the object's first part
+        change = turned(change, context.rotation[:, 0].mT)
+    return repeated(hand, samples).moved(change)
+
+
+def denoise_spatial(
+    model: SpatialDenoiser,
+    observed: HandParameters,
+    hand: HandParameters,
+    context: StageContext,
+    plan: PlacePlan,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> tuple[HandParameters, Float[Tensor, " T"]]:
+    """SpatialDiff: hands of the world in places where their relations to the surface are natural.
+
+    The place is one shift per window, because the errors that it mends last. All samples ask about
+    their mean and get a shift each, drawn from its density, so that their mean is the density's.
+    What then drifts over the object that the hand holds is taken away from all of them alike.
+
+    `observed` is the input, one sample, gaps filled; `hand` has the samples of the stage before.
+    Also the deviation of the place in each frame, metres.
+    """
+    count = plan.frames or model.config.frames
+    evidence = concatenated(
+        [
+            piece.evidence(observed[frames], hand[frames]).spread_over(count)
+            for _, frames, piece in context.pieces(len(hand.wrist))
+        ],
+        "B",
+    )
+    middle = [hand[frames].joints.mean(0) for frames in blocks(context.frames)]
+    joints = torch.cat(middle)
+    axes = palm_axes(joints[None])[0]
+    each = model.posterior(
+        evidence,
+        axes,
+        rounds=plan.steps,
+        places=plan.places,
+        generator=generator,
+        besides=context.sliding(joints, evidence.track).log_density if plan.sliding else None,
+        on_step=on_step,
+    )
+    found = _of_all_windows(each, model.prior_root(evidence, axes), context)
+    drawn = [part.cautious(3).samples(len(hand.wrist), generator=generator) for part in found]
+    shifts = torch.cat(drawn, dim=-1).view(-1, 3) @ axes.mT
+    shift = context.blend(shifts[:, None].expand(-1, context.size, -1))
+    width = _width_of_place(found, evidence.ray @ axes)
+    width = context.blend(width[:, None, None].expand(-1, context.size, 1))[0, :, 0]
+    if plan.sliding:
+        shift = shift - context.drift(joints + shift.mean(0)[:, None], evidence.track)
+    return replace(hand, wrist=hand.wrist + shift), width
+
+
+def _width_of_place(found: list[Posterior], ray: Float[Tensor, "W 3"]) -> Float[Tensor, " W"]:
+    """Deviation of the place in each window, metres.
+
+    Along the ray of a camera, zero where it is not known, the place is uncertain for hands that
+    hold, too: there only the deviation across it counts, as much in all three dimensions.
+    """
+    widths = list[Tensor]()
+    for part, along in zip(found, ray.split(TOGETHER), strict=True):
+        each = part.root[0].unflatten(0, (-1, 3))
+        known = along.square().sum(-1)
+        across = each.square().sum((1, 2)) - (along[..., None] * each).sum(1).square().sum(-1)
+        widths.append((across * (1 + known / 2)).sqrt())
+    return torch.cat(widths)
+
+
+def _of_all_windows(
+    each: Posterior, prior_root: Float[Tensor, "W 3 3"], context: StageContext
+) -> list[Posterior]:
+    """The shifts of `TOGETHER` windows at a time as one axis: lasting errors are alike in all."""
+    first = torch.tensor(context.starts).to(each.mean)
+    fresh = min(1.0, context.frames / (len(first) * context.size))
+    found: list[Posterior] = []
+    for at in range(0, len(first), TOGETHER):
+        group = slice(at, at + TOGETHER)
+        apart = (first[group, None] - first[group]).abs() / context.size
+        agreement = CONSTANT_SHARE + (1 - CONSTANT_SHARE) * torch.exp(-apart)
+        own = Posterior(each.mean[group], each.root[group])
+        found.append(along_a_track(own, prior_root[group], agreement, fresh))
+    return found
+
+
+def denoise_temporal(
+    model: TemporalDenoiser,
+    observed: Float[Tensor, "1 T 21 3"],
+    whole: Float[Tensor, "S T 21 3"],
+    context: StageContext,
+    *,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """TemporalDiff: world keypoints whose steps over the object are natural; needs two frames.
+
+    All samples ask about their mean, and are moved by the same shift: what they differ in stays.
+
+    `observed` is the hand before MotionDiff, gaps filled; `whole` has the samples of the stage
+    before.
+    """
+    if context.frames < 2:
+        return whole
+    pieces = context.pieces(1)
+    advance = counted(on_step, len(pieces))
+    middle = whole.mean(0, keepdim=True)
+
+    def answer(piece: Piece) -> StepCorrection:
+        found = model(piece.steps(observed[:, piece.frames], middle[:, piece.frames]))
+        advance()
+        return found
+
+    found = concatenated([answer(piece) for piece in pieces], "B").map(context.blend)
+    shift = without_drift(align_to_steps(found.change, found.steps, found.places), context.fps)
+    return whole + shift @ context.rotation[:, 0].mT
+
+
+def without_drift(shift: Float[Tensor, "S T 21 3"], fps: float) -> Float[Tensor, "S T 21 3"]:
+    """A shift made of steps, whose lasting part is at most `LARGEST_DRIFT`.
+
+    Steps tell nothing of a place: where they are faster than the network knows, small errors of
+    many of them add up to centimetres.
+    """
+    lasting = smooth(shift.movedim(1, 0), LASTING, fps).movedim(0, 1)
+    size = lasting.norm(dim=-1, keepdim=True)
+    return shift - lasting * (1 - LARGEST_DRIFT / size.clamp(min=LARGEST_DRIFT))
+
+
+def diffused(
+    model: Model,
+    start: Tensor,
+    plan: StagePlan,
+    samples: int,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+    *,
+    noise: Tensor | None = None,
+) -> Tensor:
+    """`start`, denoised via diffusion from the noise level and in the steps of a plan."""
+    return denoise_via_diffusion(
+        model,
+        start,
+        descending_sigmas(plan.level, plan.steps),
+        sampler=plan.sampler,
+        samples=samples,
+        generator=generator,
+        noise=noise,
+        on_step=on_step,
+    )

@@ -1,0 +1,70 @@
+"""The jitter that the networks leave in the samples of a noisy hand, and its removal."""
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.baselines.filters import Filter, smooth
+from geneoh.hand.skeleton import TIP_KEYPOINTS
+from geneoh.objects.smoothing import noise_level
+from geneoh.pipeline.stages.context import StageContext
+
+QUIET, NOISY = 0.0015, 0.003
+"""White noise of the observed fingertips per axis, metres: below the first the samples stay as they
+are, from the second on they are smoothed in full. Recorded hands have 0.0012."""
+GENTLE = Filter("gaussian", 1.0)
+"""The filter for a hand alone; its size is in frames."""
+STILL, SHAKY = 0.0006, 0.0012
+"""The same two bounds for the samples of a hand against its object, whose fingertips have up to
+0.0004 where it holds."""
+SHAPE_KEEPING = Filter("savgol", 7.0)
+"""The filter for a hand that moves over its object; it keeps motion of up to 3 Hz."""
+
+
+def without_jitter(
+    samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"], fps: float
+) -> Float[Tensor, "S T 21 3"]:
+    """Samples of a hand alone, smoothed by as much as the observed hand is noisy.
+
+    Each window of the networks has its own view of the noise, and no contact holds the hand: what
+    jitter is left is taken out where the input has white noise, and quiet inputs keep their motion.
+    """
+    share = share_of_jitter(observed, QUIET, NOISY)
+    return samples + share * (_smoothed(samples, GENTLE, fps) - samples)
+
+
+def without_jitter_over_object(
+    context: StageContext, samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"]
+) -> Float[Tensor, "S T 21 3"]:
+    """Samples against an object, without the jitter that they share with the observed hand.
+
+    MotionDiff has learned from hands that hold, and leaves half of the noise of one that moves fast
+    over its object, such as over a table that it wipes. The jitter is measured and taken out in the
+    object's frame, in which a hand that holds rests, however fast both move.
+    """
+    turn, place = context.rotation[:, 0], context.translation[:, 0, None]
+    local, given = (samples - place) @ turn, (observed - place) @ turn
+    if not (noisy := share_of_jitter(given, QUIET, NOISY)):
+        return samples
+    left = [share_of_jitter(each, STILL, SHAKY) for each in context.cut(local.mean(0), 0)]
+    if not any(left):
+        return samples
+    share = context.blend(samples.new_tensor(left)[:, None, None].expand(-1, context.size, 1))
+    change = _smoothed(local, SHAPE_KEEPING, context.fps) - local
+    return samples + noisy * share[0, :, None] * change @ turn.mT
+
+
+def share_of_jitter(joints: Float[Tensor, "T 21 3"], quiet: float, noisy: float) -> float:
+    """0 where the white noise of the fingertips is up to `quiet`, metres per axis, 1 from `noisy`.
+
+    Also 0 for fewer than five frames, which do not tell it.
+    """
+    if len(joints) < 5:
+        return 0.0
+    noise = noise_level(joints[:, list(TIP_KEYPOINTS)].cpu().double().numpy())
+    return min(max((noise - quiet) / (noisy - quiet), 0.0), 1.0)
+
+
+def _smoothed(
+    samples: Float[Tensor, "S T 21 3"], by: Filter, fps: float
+) -> Float[Tensor, "S T 21 3"]:
+    return smooth(samples.movedim(1, 0), by, fps).movedim(0, 1)

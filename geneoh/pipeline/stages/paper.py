@@ -1,0 +1,171 @@
+"""The three stages in the paper's form, on world keypoints (3.2; appendices A.2, C.4, C.5).
+
+Each window is diffused alone, and windows are blended at the end. Only the preset `paper` has them.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.denoisers.latent import LatentDenoiser
+from geneoh.denoisers.relations import RelationDenoiser
+from geneoh.denoisers.trajectory import TrajectoryDenoiser
+from geneoh.diffusion.samplers import antithetic_noise
+from geneoh.fitting.align import AlignConfig, align_to_relations
+from geneoh.pipeline.presets import StagePlan
+from geneoh.pipeline.stages.context import Piece, StageContext
+from geneoh.pipeline.stages.denoising import diffused
+from geneoh.progress import OnStep, part_of
+from geneoh.representation.spatial import decode_spatial, encode_spatial
+from geneoh.representation.temporal import encode_temporal
+from geneoh.representation.window_scale import WindowScale
+
+ALIGN_POINTS = 16
+"""Number of contact points that keypoints are aligned to, those nearest to the hand; far ones would
+hardly count."""
+
+
+def denoise_trajectory(
+    model: TrajectoryDenoiser,
+    whole: Float[Tensor, "S T 21 3"],
+    context: StageContext,
+    plan: StagePlan,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """MotionDiff: world keypoints with natural canonical trajectories.
+
+    The samples are all the input. Every window has `plan.chains` of its own, or one for each sample
+    if these are more, in units of its own deviation; those that end closest to the input are kept,
+    the closest first, and windows are blended after. The paper chooses after the last stage: the
+    later ones change less.
+    """
+    samples = len(whole)
+    chains = max(samples, plan.chains)
+
+    def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
+        context, joints = piece.context, whole[:1, piece.frames]
+        region = context.region(joints)
+        canon = region.to_canon(context.windows(joints))
+        scale = WindowScale.of(canon)
+        deviation = scale.deviation.flatten().repeat(chains)
+
+        def clean(x: Tensor, sigma: float) -> Tensor:
+            return model(x, x.new_full((len(x),), sigma), deviation)
+
+        start = scale.normalised(canon).repeat(chains, 1, 1, 1)
+        cleaned = diffused(clean, start, plan, chains, generator, on_step)
+        each = torch.stack([scale.metres(one) for one in cleaned.unflatten(0, (chains, -1))])
+        kept = _closest(each, canon, context.cut(context.trust, 0), samples)
+        return torch.cat([region.to_world(one) for one in kept])
+
+    return _piece_by_piece(one_piece, context, on_step, samples, at_once=chains)
+
+
+def _closest(
+    each: Float[Tensor, "C W T 21 3"],
+    given: Float[Tensor, "W T 21 3"],
+    trust: Float[Tensor, "W T 21"],
+    count: int,
+) -> Float[Tensor, "S W T 21 3"]:
+    """The chains of each window that ended closest to the keypoints that were seen, the closest
+    first."""
+    order = (trust * (each - given).norm(dim=-1)).mean((2, 3)).argsort(0)[:count]
+    return each[order, torch.arange(each.shape[1], device=each.device)]
+
+
+def denoise_relations(
+    model: RelationDenoiser,
+    whole: Float[Tensor, "S T 21 3"],
+    context: StageContext,
+    plan: StagePlan,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """SpatialDiff: world keypoints with natural offsets to the contact points.
+
+    Each contact point has a diffusion chain of its own, in units of the window's deviation; the
+    average of the hands that they imply is taken at the end (eq. 8).
+    """
+
+    def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
+        context, joints = piece.context, whole[:, piece.frames]
+        region = context.region(joints)
+        start = encode_spatial(region.to_canon(context.windows(joints)), region)
+        scale = WindowScale.of(start.hands)
+
+        def clean_hands(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Tensor:
+            noisy = replace(start, hands=scale.metres(hands))
+            level = hands.new_full((len(hands),), sigma)
+            return scale.normalised(model(noisy, level, scale).hands)
+
+        hands = scale.normalised(start.hands)
+        hands = diffused(clean_hands, hands, plan, len(joints), generator, on_step)
+        return region.to_world(decode_spatial(replace(start, hands=scale.metres(hands))))
+
+    return _piece_by_piece(one_piece, context, on_step, len(whole))
+
+
+def denoise_latent(
+    model: LatentDenoiser,
+    whole: Float[Tensor, "S T 21 3"],
+    context: StageContext,
+    plan: StagePlan,
+    *,
+    align: AlignConfig | None = None,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """TemporalDiff: world keypoints near decoded relations (eq. 9).
+
+    A track of one frame stays as it is.
+    """
+    if context.frames < 2:
+        return whole
+    align, noise = align or AlignConfig(), None
+    if plan.sampler != "direct":  # for the whole track, so that it does not depend on the pieces
+        pairs = (len(whole) * len(context.starts), context.size - 1, model.config.latent)
+        noise = antithetic_noise(whole.new_empty(pairs), samples=len(whole), generator=generator)
+        noise = noise.unflatten(0, (len(whole), -1))
+
+    def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
+        context, joints = piece.context, whole[:, piece.frames]
+        region = context.region(joints)
+        windows = context.windows(joints)
+        relations = encode_temporal(windows, region, context.fps)
+        latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
+
+        def clean(x: Tensor, sigma: float) -> Tensor:
+            return model(x, x.new_full((len(x),), sigma))
+
+        own = None if noise is None else noise[:, piece.windows].flatten(0, 1)
+        cleaned = diffused(clean, latent, plan, len(joints), generator, on_step, noise=own)
+        near = region.nearest(windows, ALIGN_POINTS)
+        relations = encode_temporal(windows, near, context.fps)
+        around = relations.object_velocity, relations.normals, near.points_canon[:, :-1]
+        target = model.autoencoder.decode(cleaned, *around)
+        return align_to_relations(windows, near, target, context.fps, config=align)
+
+    return _piece_by_piece(one_piece, context, on_step, len(whole))
+
+
+def _piece_by_piece(
+    work: Callable[[Piece, OnStep | None], Tensor],
+    context: StageContext,
+    on_step: OnStep | None,
+    samples: int,
+    *,
+    at_once: int | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """The windows that `work` makes of each piece, blended; all windows are independent.
+
+    `at_once` is how many times a window is worked on together, where that is not `samples`.
+    """
+    pieces = context.pieces(at_once or samples)
+    made = (work(piece, part_of(on_step, index, len(pieces))) for index, piece in enumerate(pieces))
+    return context.joined(made, samples)

@@ -1,0 +1,165 @@
+"""The three stages of a preset in order, on one hand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.denoisers.library import Denoisers
+from geneoh.errors import CheckpointError
+from geneoh.fitting.subject import Subject
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import MovingSurface
+from geneoh.nn.checkpoint import finite_output
+from geneoh.objects.carrying import with_held_part_first
+from geneoh.objects.evidence import blended, evidence_of_place
+from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
+from geneoh.pipeline.stages.alone import hand_alone
+from geneoh.pipeline.stages.context import StageContext, repeated, stage_context
+from geneoh.pipeline.stages.denoising import denoise_motion, denoise_spatial, denoise_temporal
+from geneoh.pipeline.stages.jitter import without_jitter, without_jitter_over_object
+from geneoh.pipeline.stages.paper import denoise_latent, denoise_relations, denoise_trajectory
+from geneoh.progress import OnStep
+from geneoh.representation.parameters import HandParameters
+from geneoh.sequence.windows import blocks
+
+LEAST_EVIDENCE = 0.02  # reliance on poses below which the stages that look at them are not run
+FARTHEST = 10.0  # metres from the input that no sound network moves a keypoint
+OF_THE_PAPER: dict[str, tuple[str, Callable[..., Tensor]]] = {
+    "motion": ("trajectory", denoise_trajectory),
+    "spatial": ("relations", denoise_relations),
+    "temporal": ("latent", denoise_latent),
+}
+"""The network of each stage in the form of the paper, and its work."""
+
+
+@dataclass(frozen=True)
+class StageRun:
+    """What the stages of one hand share, whatever they see around it."""
+
+    denoisers: Denoisers
+    subject: Subject
+    given: HandState  # the input as hand parameters
+    progress_of: Callable[[str], OnStep]  # progress callback of a stage, by its name
+    generator: torch.Generator  # source of all noise
+
+    def relied_on(
+        self,
+        surface: MovingSurface | None,
+        poses: Float[Tensor, " T"],
+        near: Float[Tensor, " T"],
+        chosen: Preset,
+        fps: float,
+        *,
+        ray: Float[Tensor, "T 3"] | None = None,
+        object_noise: Float[Tensor, " 2"] | None = None,
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
+        """Samples against the object as far as it is relied on, else of the hand alone.
+
+        `poses` and `near` are those of `geneoh.objects.evidence.blended`. Also `near` after
+        SpatialDiff, which tells whether the hand is at the object.
+        """
+        samples = None
+        if surface is not None and bool((near * poses > LEAST_EVIDENCE).any()):
+            seen = with_held_part_first(self.subject.joints, surface)
+            context = stage_context(seen, self.subject, fps, generator=self.generator)
+            context = replace(
+                context,
+                canonical=chosen.canonical,
+                ray=ray,
+                object_noise=object_noise,
+                relied=poses,
+            )
+            samples, width = self.samples(context, chosen)
+            if chosen.observed and chosen.motion is not None:
+                samples = without_jitter_over_object(context, samples, self.subject.joints)
+            if width is not None:
+                near = near * evidence_of_place(width)
+        if samples is None or bool((near * poses < 1).any()):
+            alone = replace(hand_alone(self.subject, fps), ray=ray)
+            free, _ = self.samples(alone, chosen.alone())
+            free = without_jitter(free, self.subject.joints, fps)
+            samples = free if samples is None else blended(free, samples, poses, near, fps)
+        return samples, near
+
+    def samples(
+        self, context: StageContext, preset: Preset
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
+        """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch; and the
+        deviation of the place that SpatialDiff finds, metres, if it is asked.
+
+        Raises:
+            CheckpointError: a network answers with NaN or infinity, or with a hand far away.
+        """
+        if preset.observed:
+            joints, width = self._by_parameters(context, preset)
+        else:
+            joints, width = self._by_paper(context, preset), None
+        if isinstance(preset.temporal, DirectPlan):
+            joints = denoise_temporal(
+                self.denoisers.temporal,
+                self.subject.joints[None],
+                joints,
+                context,
+                on_step=self.progress_of("temporal"),
+            )
+        apart = (finite_output(joints) - self.subject.joints).abs().max()
+        if apart > FARTHEST:
+            raise CheckpointError(
+                f"expected keypoints near the input from the networks, got some {apart:.0f} m "
+                "away; their weights are damaged, train or download them again"
+            )
+        return joints, width
+
+    def _by_parameters(
+        self, context: StageContext, preset: Preset
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
+        """MotionDiff and SpatialDiff on hand parameters."""
+        given = self.given
+        turn, fingers = given.rotations[..., 0, :, :], given.pose[..., 1:, :]
+        observed = HandParameters(given.wrist, turn, fingers, self.subject.offsets)
+        hand = repeated(observed, preset.samples)
+        if preset.motion is not None:
+            hand = denoise_motion(
+                self.denoisers.motion,
+                observed,
+                context,
+                preset.motion,
+                samples=preset.samples,
+                generator=self.generator,
+                on_step=self.progress_of("motion"),
+            )
+            hand.map(finite_output)
+        width = None
+        if isinstance(preset.spatial, PlacePlan):
+            hand, width = self.placed(observed, hand, context, preset.spatial)
+        parts = [hand[frames].joints for frames in blocks(context.frames)]
+        return torch.cat(parts, dim=1), width
+
+    def placed(
+        self, observed: HandParameters, hand: HandParameters, context: StageContext, plan: PlacePlan
+    ) -> tuple[HandParameters, Float[Tensor, " T"]]:
+        """`denoise_spatial`."""
+        return denoise_spatial(
+            self.denoisers.spatial,
+            observed,
+            hand,
+            context,
+            plan,
+            generator=self.generator,
+            on_step=self.progress_of("spatial"),
+        )
+
+    def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
+        """All three stages on keypoints, in the form of the paper."""
+        joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
+        for name, (network, stage) in OF_THE_PAPER.items():
+            plan, model = getattr(preset, name), getattr(self.denoisers, network)
+            if isinstance(plan, StagePlan):
+                on_step = self.progress_of(name)
+                joints = stage(
+                    model, joints, context, plan, generator=self.generator, on_step=on_step
+                )
+        return joints

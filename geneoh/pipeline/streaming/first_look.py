@@ -1,0 +1,93 @@
+"""What is doubtful about the first frames of a stream: the checks that files get, once."""
+
+import re
+from dataclasses import replace
+
+from geneoh.bundle import concatenated
+from geneoh.errors import InputError, numbered
+from geneoh.geometry.mesh import Mesh
+from geneoh.pipeline.examination.faults import without_faults_of
+from geneoh.pipeline.observed import Observed, lost_like
+from geneoh.readers.checks.convention import doubts
+from geneoh.readers.checks.hands import refuse_other_order
+from geneoh.readers.checks.holding import POSES_REACH
+from geneoh.sequence.distance_check import check_distance, least_distance
+from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.repeats import repeated_poses, repeats_told
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+SECONDS = 2.0  # looked at, from the first frame with the hand on: a delay needs as many
+ORDER_FRAMES = 10  # frames with the hand after which an order of the keypoints is certain
+ORDER = "give them in OpenPose order"
+"""What to do about keypoints in another order, which no option of a stream names."""
+REPEATED = "as of a sensor that is slower than the hand's; give no pose in these frames"
+"""What to do about repeated poses: a stream cannot know how many are to come."""
+
+
+class FirstLook:
+    """The first frames of one stream, until they were looked at."""
+
+    def __init__(self, meshes: tuple[Mesh, ...], fps: float) -> None:
+        """Begin without frames; `meshes` are those of the object."""
+        self._meshes, self._fps = meshes, fps
+        self._frames: list[Observed] = []
+        self._done = False
+
+    def push(self, seen: Observed, where: str) -> tuple[str, ...]:
+        """Take a frame as the user gave it; the one that ends the look gives what is doubtful.
+
+        `where` is what messages call the frame. `InputError` where the frames can be no
+        interaction: this one is not taken.
+        """
+        if self._done or not (self._frames or seen.hand):
+            return ()
+        frames = [*self._frames, seen]
+        if seen.hand and sum(frame.hand is not None for frame in frames) == ORDER_FRAMES:
+            refuse_other_order(_hand_of(frames), where, ORDER)
+        if len(frames) < round(SECONDS * self._fps):
+            self._frames = frames
+            return ()
+        return self._looked(frames, where)
+
+    def end(self, where: str) -> tuple[str, ...]:
+        """What is doubtful where the stream ends before the look does; `InputError` as in
+        `push`."""
+        return self._looked(self._frames, where) if self._frames else ()
+
+    def _looked(self, frames: list[Observed], where: str) -> tuple[str, ...]:
+        found = self._doubts(frames, where)
+        self._frames, self._done = [], True
+        return found
+
+    def _doubts(self, frames: list[Observed], where: str) -> tuple[str, ...]:
+        """What is doubtful about some frames, as of a file with them."""
+        motion = concatenated([frame.object for frame in frames])
+        motion = fill_object(replace(motion, meshes=self._meshes))
+        hand, lost = without_faults_of(_hand_of(frames), self._fps, motion)
+        refuse_other_order(hand, where, ORDER)
+        try:
+            # a hand may come near later, but from so far away none does
+            if least_distance(hand, motion) > POSES_REACH:
+                check_distance(hand, motion, where)
+            found = (*lost, *doubts(Sequence((hand,), motion, self._fps), where))
+            found += tuple(repeats_told(motion, repeated_poses(motion), REPEATED))
+        except InputError as error:
+            raise InputError(without_options(str(error))) from None
+        if self._meshes and not motion.is_seen:
+            found += (
+                f"no pose of the object in the first {numbered(len(frames), 'frame')}: the "
+                f"{hand.side} hand is cleaned by the prior of hand motion alone, and nothing is "
+                "known of contact; give the object's poses",
+            )
+        return tuple(map(without_options, found))
+
+
+def _hand_of(frames: list[Observed]) -> HandTrack:
+    """The hand of some frames, of which one at least has it, as a track."""
+    lost = lost_like(next(frame.hand for frame in frames if frame.hand is not None))
+    return concatenated([frame.hand or lost for frame in frames])
+
+
+def without_options(words: str) -> str:
+    """A sentence without the options of files in brackets, which a stream does not have."""
+    return re.sub(r" \(--[^)]*\)", "", words)

@@ -1,0 +1,274 @@
+"""A stream: frames in as a tracker makes them, clean frames out a fixed time later."""
+
+import logging
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import Side
+from geneoh.config import as_field_type
+from geneoh.denoisers.library import load_denoisers
+from geneoh.errors import ConfigError
+from geneoh.fitting.fit_config import FitConfig
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
+from geneoh.hand.library import hand_of_betas
+from geneoh.hand.model import HandModel
+from geneoh.modes import undisturbed
+from geneoh.nn.devices import named_device
+from geneoh.pipeline.inputs import refuse_meshes
+from geneoh.pipeline.observed import DIGITS, CleanHand, Observed, between, clean_between
+from geneoh.pipeline.options import Options, with_settings
+from geneoh.pipeline.presets import Preset
+from geneoh.pipeline.streaming.first_look import FirstLook
+from geneoh.pipeline.streaming.frame_reader import FrameReader
+from geneoh.pipeline.streaming.recent import RecentHand
+from geneoh.sequence.normalisation import NETWORK_FPS
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
+from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS
+
+LOG = logging.getLogger(__name__)
+
+Mirrored = TypeVar("Mirrored", HandTrack, ObjectTrack, HandModel)
+
+ARGUMENTS = ("meshes", "fps", "lag", "side", "betas", "hand_model", "source")
+"""What a stream takes besides the settings."""
+LONGEST_LAG = 1.0
+"""Seconds; with a longer lag a frame would have less than a second before it."""
+FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
+"""Fewer than a whole track gets: the fit goes on from frames that are out already."""
+
+
+@dataclass(frozen=True)
+class CleanFrame:
+    """One frame that comes out of a stream."""
+
+    index: int
+    """Which of the frames that were pushed, from 0."""
+    hand: HandTrack | None
+    """The clean hand as a track of one frame, with its `joint_spread`; None where no hand was seen
+    in the two seconds before the newest frame that was pushed, which is `lag` after this one."""
+    filled: bool
+    """Whether the input had no hand in this frame."""
+    contact: Float[Tensor, " 5"] | None = None
+    """Probability that each finger touches the object, from the thumb to the little finger; None
+    without a hand or an object. It is 0.5 where nothing tells, as until the hand comes near it."""
+
+
+class Stream:
+    """Cleans one hand frame by frame, at a fixed lag and with bounded memory.
+
+        stream = geneoh.Stream("mug.obj", fps=30, lag=0.3)
+        for joints, pose in tracker:  # (21, 3), and (4, 4) or None
+            clean = stream.push(joints, pose)
+            if clean and clean.hand:
+                use(clean.hand.joints[0], clean.hand.joint_spread[0])
+        last = stream.flush()
+
+    Each `push` gives the frame that is `lag` older, in order and without a hole, and None before
+    there is one; `flush` gives the rest. Two hands are two streams. The same frames, settings and
+    seed give the same result, whenever they are pushed.
+    """
+
+    @undisturbed()
+    def __init__(
+        self,
+        meshes: MeshInput = (),
+        fps: float | int = 30.0,
+        lag: float | int = 0.3,
+        *,
+        side: Side = "right",
+        betas: Any = None,
+        hand_model: str | None = None,
+        source: str = "the stream",
+        **settings: Any,
+    ) -> None:
+        """Load the networks and the object.
+
+        Args:
+            meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of
+                them; none for a hand without an object.
+            fps: frames a second.
+            lag: seconds from a frame to its clean twin, 0 to 1; rounded to whole frames.
+            side: of the hand.
+            betas: (10,) shape of the hand, of the model `hand_model`; without them it is estimated
+                from the first two seconds.
+            hand_model: whose betas they are, "embedded" or "mano".
+            source: what messages call the stream.
+            settings: fields of `Options`; by default preset="fast" and samples=2.
+
+        Raises:
+            InputError: a mesh has no surface or another unit.
+            ConfigError: a setting is out of range, or is none of a stream.
+            MissingAssetError: a MANO hand is asked for and there is no MANO file.
+        """
+        asked = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
+        for name, (value, kind) in asked.items():
+            as_field_type(value, kind, "geneoh.Stream", name)
+        plain = Options(preset="fast", samples=2)
+        options = with_settings(plain, settings, "geneoh.Stream", ARGUMENTS)
+        named_device(options.device)
+        chosen = preset_of_stream(options)
+        if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:
+            raise ConfigError(
+                f"a stream has fps from {SMALLEST_FPS:g} to {LARGEST_FPS:g} and a lag from 0 to "
+                f"{LONGEST_LAG:g} seconds, got fps {fps:g} and lag {lag:g}; correct them"
+            )
+        refuse_unknown_model(hand_model, "geneoh.Stream")
+        self._source, self._fps, self._rate = source, float(fps), NETWORK_FPS / fps
+        self._doubts: tuple[str, ...] = ()
+        self._side: Side = side
+        self._meshes = meshes_of(meshes)
+        refuse_meshes(self._meshes)
+        self._reads = partial(FrameReader, side, self._meshes, betas, hand_model)
+        self._lag = within = round(lag * fps)
+        if self._rate != 1:  # a frame between two of the networks needs both
+            self._lag = max(self._lag, math.ceil(fps / NETWORK_FPS))
+            within = math.floor(round(self._lag * self._rate, DIGITS)) - 1
+        model = hand_of_betas(side, hand_model, asked=options.hand, mano_dir=options.mano_dir)
+        motion = self._other_side(ObjectTrack.resting(self._meshes, 1))
+        surface = motion.surface() if self._meshes else None
+        denoisers = load_denoisers(options.weights, device=options.device, paper=False)
+        self._device, self._within = options.device, within
+        model = self._other_side(model).to(options.device)
+        known = motion.meshes, surface, model, denoisers, chosen
+        self._begin = partial(RecentHand, *known, lag=within, seed=options.seed)
+        self._reset()
+
+    @property
+    def lag(self) -> int:
+        """Frames from one that is pushed to the one that `push` gives."""
+        return self._lag
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is doubtful about the input, in sentences that are logged as warnings too.
+
+        Known once the first two seconds with the hand are in, or after `flush`; empty before.
+        """
+        return self._doubts
+
+    def push(self, hand: Any, object_pose: Any = None, *, where: str = "") -> CleanFrame | None:
+        """Take the next frame, and give the one that is `lag` older; None before there is one.
+
+        Args:
+            hand: (21, 3) keypoints in OpenPose order, world frame, metres; or a dict of the fields
+                of the file format without their side, of one frame: `joints` (21, 3), or `pose`
+                (16, 3), axis-angle in radians, with `wrist` (3,), and `confidence` (21,); or a
+                track of one frame. None, or NaN, where the hand was lost.
+            object_pose: (4, 4) matrix from the object to the world, or rotation matrix (3, 3) and
+                translation (3,) in metres as a pair, with an axis of parts in front where there are
+                several; None, or NaN, where the object was lost.
+            where: what messages call the frame; by default the stream's source and its number.
+
+        Raises:
+            InputError: the numbers have another shape, or can be no hand or pose in metres, or the
+                first frames show that the keypoints are in another order or the object's poses in
+                another unit. The frame is not taken: the next one is pushed in its place.
+        """
+        where = where or f"{self._source}, frame {self._count}"
+        with undisturbed():
+            seen = self._reader.observed(hand, object_pose, where)
+            self._tell(self._look.push(seen, where))
+            now = self._inward(seen)
+            self._lost.append(now.hand is None)
+            for frame in self._paced(now):
+                made = self._recent.push(frame)
+                self._taken += 1
+                if self._taken > self._within:
+                    self._clean.append(made)
+            self._count += 1
+            return self._next() if self._count > self._lag else None
+
+    def flush(self) -> list[CleanFrame]:
+        """The frames that are still to come, in order; the next `push` begins another recording.
+
+        Raises:
+            InputError: the recording is shorter than two seconds, and shows only as a whole that it
+                can be no interaction.
+        """
+        with undisturbed():
+            self._tell(self._look.end(self._source))
+            self._clean.extend(self._recent.flush())
+            left = [self._next() for _ in range(min(self._lag, self._count))]
+        self._reset()
+        return left
+
+    def _tell(self, doubts: tuple[str, ...]) -> None:
+        """Log and keep what is doubtful about the input."""
+        self._doubts = doubts if self._count == 0 else self._doubts + doubts
+        for words in doubts:
+            LOG.warning("%s: %s", self._source, words)
+
+    def _reset(self) -> None:
+        self._recent = self._begin()
+        self._look = FirstLook(self._meshes, self._fps)
+        self._before: Observed | None = None
+        self._since: Observed | None = None
+        self._reader = self._reads()
+        self._lost: deque[bool] = deque()
+        self._clean: deque[CleanHand | None] = deque()
+        self._count = self._taken = self._given = self._dropped = 0
+
+    def _inward(self, seen: Observed) -> Observed:
+        """A frame as the networks know it: of a right hand, on the device."""
+        hand = None if seen.hand is None else self._other_side(seen.hand).to(self._device)
+        return Observed(hand, self._other_side(seen.object).to(self._device))
+
+    def _paced(self, now: Observed) -> list[Observed]:
+        """The frames of the networks that lie after the frame before and not after this one. Of
+        several frames between two of the networks, what the last one lacks is that of those before
+        it."""
+        before, self._before = self._before or now, now
+        first = (self._count - 1) * self._rate
+        last = round(self._count * self._rate, DIGITS)
+        instants = range(self._taken, math.floor(last) + 1)
+        seen = now.completed(self._since) if self._rate < 1 else now
+        self._since = seen
+        if instants:
+            self._since = None if last == instants[-1] else now
+        return [between(before, seen, (frame - first) / self._rate) for frame in instants]
+
+    def _next(self) -> CleanFrame:
+        """The next clean frame of the stream, between two of the networks."""
+        place = round(self._given * self._rate, DIGITS)
+        while self._dropped < math.floor(place) and len(self._clean) > 1:
+            self._clean.popleft()
+            self._dropped += 1
+        after = self._clean[min(1, len(self._clean) - 1)]
+        hand, contact = clean_between(self._clean[0], after, min(place - self._dropped, 1.0))
+        hand = None if hand is None else self._other_side(hand).to("cpu")
+        contact = None if contact is None else contact.cpu()
+        frame = CleanFrame(self._given, hand, self._lost.popleft(), contact)
+        self._given += 1
+        return frame
+
+    def _other_side(self, value: Mirrored) -> Mirrored:
+        """What belongs to the user's hand as that of a right hand, and back."""
+        return value.mirrored() if self._side == "left" else value
+
+
+def preset_of_stream(options: Options) -> Preset:
+    """The settings that options stand for; `ConfigError` where a stream cannot have them."""
+    chosen = options.resolved()
+    if not isinstance(chosen.fit, FitConfig) or options.refine_object:
+        raise ConfigError(
+            "a stream has the presets 'default' and 'fast' and gives no poses of the object, "
+            f"got preset {options.preset!r} and refine_object={options.refine_object}; "
+            "use geneoh.denoise for these"
+        )
+    if options.selection == "closest":
+        raise ConfigError(
+            "a stream gives the mean of its samples, got selection='closest'; leave it out"
+        )
+    if options.hand_delay:
+        raise ConfigError(
+            "a stream takes hand and object of one time, got "
+            f"hand_delay={options.hand_delay:g}; push each hand with the object's pose of its "
+            "own time"
+        )
+    return replace(chosen, fit=replace(chosen.fit, **FIT_STEPS))

@@ -1,0 +1,1 @@
+"""What contradicts geneoh's conventions in a sequence that was read."""

@@ -1,0 +1,1 @@
+"""Keypoints of hands in JSON and in tables."""

@@ -1,0 +1,265 @@
+"""Hands in JSON that are not in the forms of MediaPipe's own programs.
+
+A frame lists its hands, has them by their sides, or is one hand; null, [] and {} hold none. A hand
+is its points, or a dict that has them beside a side and a score. Points have names, those of
+TensorFlow.js, OpenXR, ARKit and the like, or stand in a list in a known order. So are the results
+of hand-pose-detection (TensorFlow.js), of OpenPose in 3D, of MMPose, and what programs write for
+themselves. What else is there is passed over.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from geneoh.choices import JointOrder, Side
+from geneoh.errors import InputError
+from geneoh.readers.column_names import side_in, words_of
+from geneoh.readers.keypoints.mediapipe import (
+    NOTES,
+    WORLD,
+    Detected,
+    Landmarks,
+    frames_in,
+    image_landmarks,
+    label_of,
+    refuse_image_landmarks,
+    stamps_in,
+    tracks_in,
+)
+from geneoh.readers.keypoints.missing import FEWEST
+from geneoh.readers.keypoints.tables import Numbering
+from geneoh.readers.records import Array
+
+
+def _plain(name: str) -> str:
+    """A name in small letters and without lines between its words, as all names here are."""
+    return name.lower().replace("_", "")
+
+
+CENTRED = (*map(_plain, WORLD), "keypoints3d")
+"""Names of points about the centre of the hand: MediaPipe's, and TensorFlow.js's of the same."""
+POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keypoints")
+SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
+SIDES_OF_HANDS += ("handtype", "type")
+SCORES = ("score", "confidence")
+LISTS_OF_HANDS = ("hands", "predictions", "detections", "instances", "people")
+PLACES = ("position", "translation", "location", "pose")
+NAMES = ("name", "joint", "jointname", "bone", "id")
+"""Names under which a hand has its points, its side and its score, a frame its hands, and a point
+its coordinates and its name."""
+BESIDE_SIDE = {"hand", "hands", "keypoints", "joints", "landmarks", "points", "3", "d"}
+"""Words beside a side in the name of a field that has the hand of that side."""
+LARGEST = 1e300
+"""A number beyond it, such as a whole number of hundreds of digits, is no coordinate."""
+DEEPEST = 8
+"""Lists and dicts within each other that are looked into for a hand."""
+
+
+def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> Landmarks | None:
+    """The hands in the value of a JSON file; None where it has no frame with a hand.
+
+    `side` is that of hands that say none, and `order` that of points in a list.
+    """
+    frames = _frames_of_columns(value) or frames_in(value)
+    told, _ = _said_of(value, side, 1.0)
+    reader = _Frames(told, Numbering(order, where))
+    tracks, notes = tracks_in(frames, where, told, reader.hands)
+    if not tracks:
+        return None
+    reader.numbering.refuse_unused()
+    for track in tracks.values():
+        refuse_image_landmarks(track.points, where)
+    centred = NOTES if reader.centred else ()
+    return Landmarks(tracks, (*centred, *notes), stamps_in(value, frames, where))
+
+
+class _Frames:
+    """Reads the frames of one file."""
+
+    def __init__(self, side: Side | None, numbering: Numbering) -> None:
+        self.numbering, self.centred = numbering, False
+        self._side: Side | None = side
+
+    def hands(self, frame: Any, where: str) -> list[Detected]:
+        """The hands of one frame, of which only MediaPipe may give two of one side."""
+        hands = list(self._hands(frame, where, None, 1.0))
+        count = Counter(hand.side for hand in hands)
+        side, most = count.most_common(1)[0] if count else (None, 0)
+        if most > 1 and not (self.centred and side and most == 2):
+            raise InputError(
+                f"{where}: expected one hand of a side, got {most} "
+                f"{f'{side} hands' if side else 'hands without a side'}; keep those of one person, "
+                "and say of each hand whether it is the left or the right one"
+            )
+        return hands
+
+    def _hands(
+        self, value: Any, where: str, side: Side | None, score: float, depth: int = 0
+    ) -> Iterator[Detected]:
+        """The hands in a frame or in a part of it, whose side and score stand around it."""
+        points = self._points(value, where)
+        if points is not None:
+            yield Detected(side or self._side, score, points)
+        elif depth == DEEPEST:
+            return
+        elif isinstance(value, list):
+            for each in value:
+                yield from self._hands(each, where, side, score, depth + 1)
+        elif isinstance(value, dict):
+            label, score = _said_of(value, side, score)
+            for part, of in self._parts(value, where, label):
+                yield from self._hands(part, where, of, score, depth + 1)
+
+    def _parts(
+        self, value: dict[str, Any], where: str, side: Side | None
+    ) -> Iterator[tuple[Any, Side | None]]:
+        """What a dict has hands or points of one in, each with its side."""
+        sides: dict[str, Side | None] = {name: _side_of(name) for name in value}
+        if any(sides.values()):
+            for name, each in sides.items():
+                if each:
+                    yield value[name], each
+            return
+        fields = _called(value)
+        if name := next((name for name in LISTS_OF_HANDS if name in fields), None):
+            yield fields[name], side
+        elif name := next((name for name in POINTS if fields.get(name)), None):
+            if _are_flat(fields[name]):
+                raise image_landmarks(where)
+            self.centred |= name in CENTRED
+            yield fields[name], side
+
+    def _points(self, value: Any, where: str) -> Array | None:
+        """(21, 3) points of a hand, NaN for missing ones; None where the value holds none."""
+        named = _points_by_name(value)
+        if len(named) < FEWEST:
+            return None
+        if isinstance(value, list) and all(str(name).isdecimal() for name in named):
+            self.numbering.refuse_other_count(len(named))
+        points = {name: self.numbering.point(words_of(str(name))) for name in named}
+        found = np.full((21, 3), np.nan)
+        for name, point in points.items():
+            if isinstance(point, int):
+                found[point] = named[name]
+        unknown = [name for name, point in points.items() if point is None]
+        if unknown and len({point for point in points.values() if isinstance(point, int)}) < 21:
+            raise InputError(
+                f"{where}: expected the names of 21 points, such as wrist, thumb_cmc and "
+                f"index_finger_tip, got {', '.join(unknown)[:120]}; rename what is one of them"
+            )
+        return found
+
+
+def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
+    """A frame for each place in lists that a dict has by sides, as points, or by names of points;
+    none where it has no such lists, or some of different lengths."""
+    fields = value if isinstance(value, dict) else {}
+    lists = {name: each for name, each in fields.items() if isinstance(each, list) and each}
+    columns = {
+        name: each
+        for name, each in lists.items()
+        if (_side_of(name) or _plain(name) in POINTS)
+        and not _is_numbers(each)
+        and len(_points_by_name(each)) < FEWEST
+    }
+    if not columns:
+        columns = {name: each for name, each in lists.items() if _are_places(each)}
+        columns = columns if len(columns) >= FEWEST else {}
+    lengths = {len(each) for each in columns.values()}
+    count = lengths.pop() if len(lengths) == 1 else 0
+    return [{name: each[index] for name, each in columns.items()} for index in range(count)]
+
+
+def _points_by_name(value: Any) -> dict[str, Array]:
+    """The places in a dict or list of points, by their names or numbers; few where there are none.
+
+    Numbers may stand side by side, three a point, or four as of OpenPose.
+    """
+    if isinstance(value, list) and len(value) in (63, 84) and _is_numbers(value):
+        rows = np.array(value, dtype=np.float64).reshape(21, -1)
+        places = np.where(rows[:, 3:].all(-1, keepdims=True), rows[:, :3], np.nan)
+        return {str(index): place for index, place in enumerate(places)}
+    if isinstance(value, list):
+        items = [(_name_of(each, str(index)), each) for index, each in enumerate(value)]
+    else:
+        items = value.items() if isinstance(value, dict) else ()
+    found = {name: _place_of(each) for name, each in items}
+    if sum(place is not None for place in found.values()) < FEWEST:
+        return {}
+    lost = np.full(3, np.nan)  # a point that is null is one that was not found
+    found = {name: lost if fields is None else found[name] for name, fields in items}
+    return {name: place for name, place in found.items() if place is not None}
+
+
+def _called(value: Any) -> dict[str, Any]:
+    """The fields of a dict by their plain names; of anything else none."""
+    fields = value.items() if isinstance(value, dict) else ()
+    return {_plain(str(name)): field for name, field in fields}
+
+
+def _name_of(point: Any, number: str) -> str:
+    """The name that a point says, else its number in the list."""
+    fields = _called(point)
+    said = (fields[name] for name in NAMES if name in fields)
+    return next((name for name in said if isinstance(name, str)), number)
+
+
+def _place_of(point: Any) -> Array | None:
+    """(3,) the place of a point: a list, a dict of x, y and z, or a 4x4 matrix, also transposed as
+    a list of its columns; None for what is no point."""
+    if isinstance(point, dict):
+        fields = _called(point)
+        inner = next((fields[name] for name in PLACES if name in fields), None)
+        if inner is not None:
+            return _place_of(inner)
+        point = [fields.get(axis, "") for axis in "xyz"]
+    if isinstance(point, list) and len(point) == 4:
+        point = _place_in_matrix(point)
+    if not isinstance(point, list) or len(point) != 3 or not _is_numbers(point):
+        return None
+    return np.array(point, dtype=np.float64)
+
+
+def _place_in_matrix(value: list[Any]) -> list[Any] | None:
+    """The translation of a 4x4 matrix, by rows or by columns; None for what is none."""
+    rows = [list(row) for row in value if isinstance(row, list) and len(row) == 4]
+    columns = [list(column) for column in zip(*rows, strict=True)]
+    last = [matrix for matrix in (rows, columns) if matrix[3:] == [[0, 0, 0, 1]]]
+    return [row[3] for row in last[0][:3]] if len(last) == 1 else None
+
+
+def _is_numbers(values: list[Any]) -> bool:
+    """Whether a list holds numbers that fit into an array, and nulls alone."""
+    return all(
+        each is None or (type(each) in (int, float) and not abs(each) > LARGEST) for each in values
+    )
+
+
+def _are_places(values: list[Any]) -> bool:
+    """Whether a list holds places and nulls alone."""
+    return all(each is None or _place_of(each) is not None for each in values)
+
+
+def _are_flat(points: Any) -> bool:
+    """Whether points have no depth, as those of a picture."""
+    first = points[0] if isinstance(points, list) else None
+    return isinstance(first, dict) and "x" in first and "z" not in first
+
+
+def _side_of(name: str) -> Side | None:
+    """The side of the hand in a field whose name says nothing else."""
+    words = set(words_of(str(name))) - BESIDE_SIDE
+    return side_in(words) if len(words) == 1 and min(words, key=len) not in ("l", "r") else None
+
+
+def _said_of(value: Any, side: Side | None, score: float) -> tuple[Side | None, float]:
+    """The side and the score that a dict says, else those from around it."""
+    fields = _called(value)
+    labels = [label_of(fields[name]) for name in SIDES_OF_HANDS if name in fields]
+    side, score = next((said for said in labels if said[0] is not None), (side, score))
+    for sure in (fields[name] for name in SCORES if name in fields):
+        if isinstance(sure, float | int) and 0 < sure <= 1:
+            return side, float(sure)
+    return side, score

@@ -1,0 +1,285 @@
+"""MediaPipe's hand landmarks as programs dump its results in JSON.
+
+Results of the Hand Landmarker and of the older Hands, from Python or JavaScript, one a frame in a
+list, perhaps with the number of each frame, its time, or both (`geneoh.readers.clock`). Tables of
+landmarks are read in `geneoh.readers.keypoints.tables`.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, pairwise
+from operator import itemgetter
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from geneoh.choices import OTHER_SIDE, SIDES, Side
+from geneoh.errors import InputError, numbered
+from geneoh.readers.checks.hands import of_picture
+from geneoh.readers.clock import CLOCK_NAMES
+from geneoh.readers.column_names import side_in, words_of
+from geneoh.readers.records import Array, Notes, Record, as_record
+
+WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
+WORLD += ("multiHandWorldLandmarks", "world_landmarks")
+IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandmarks")
+HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
+LISTS = ("frames", "results", "instance_info")
+"""Names under which a file may list its results; the last one is MMPose's."""
+NUMBERED = re.compile(r"(\d+)|.*?(\d{4,})(\.\w+)?")
+"""Names of frames: numbers, or those of numbered images."""
+OF_SIDE: dict[Side, tuple[str, str]] = {
+    side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES
+}
+"""Fields of the Holistic Landmarker, which tells the hands apart by the body."""
+LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
+
+APART = 10
+"""Frames between results beyond which numbers are their times: so few results show no motion."""
+
+NOTES = (
+    "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
+    "through the world is not in them, and the object's poses must be about that centre too",
+    "MediaPipe's older Hands name sides as in a mirrored picture; --side says otherwise",
+)
+
+
+@dataclass(frozen=True)
+class LandmarkTrack:
+    """One hand of a file."""
+
+    points: Array
+    """(T, 21, 3), NaN where it was not seen."""
+    trust: Array
+    """(T,) from 0 to 1, or (T, 21) in each point."""
+
+    @property
+    def confidence(self) -> Array:
+        """(T, 21) trust in each point."""
+        return self.trust if self.trust.ndim == 2 else np.tile(self.trust[:, None], 21)
+
+
+Tracks = dict[Side | None, LandmarkTrack]
+"""The hands of a file by the side that it says; None where it says none."""
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """What a file of landmarks holds."""
+
+    tracks: Tracks
+    notes: Notes
+    stamps: Record
+    """What the file says of time; see `geneoh.readers.clock`."""
+    first: int = 0
+    """Number that the file gives its first frame."""
+    camera: Array | None = None
+    """(3,) where the file says it is."""
+
+
+def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
+    """The hands in the value of a JSON file; None where it is no result of MediaPipe."""
+    frames = frames_in(value)
+    names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
+    if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
+        return None
+    tracks, notes = tracks_in(frames, where, side, partial(hands_in, side=side))
+    return Landmarks(tracks, (*NOTES, *notes), stamps_in(value, frames, where))
+
+
+def frames_in(value: Any) -> list[Any]:
+    """The results in a JSON value, one a frame: in a list, or by numbers or times of their frames.
+
+    Times are in whole milliseconds or smaller units. Each may stand under "result" beside its time.
+    """
+    named = (
+        {str(name): NUMBERED.fullmatch(str(name)) for name in value}
+        if isinstance(value, dict)
+        else {}
+    )
+    if named and all(named.values()):
+        numbers = (
+            (int(found[1] or found[2]), value[name] or {}) for name, found in named.items() if found
+        )
+        given = sorted(numbers, key=itemgetter(0))
+        steps = [after - before for (before, _), (after, _) in pairwise(given)]
+        name = "timestamp" if steps and median(steps) > APART else "frame"
+        value = [
+            {name: n, **(result if isinstance(result, dict) else {"hands": result})}
+            for n, result in given
+        ]
+    elif isinstance(value, dict):
+        lists = (value[name] for name in LISTS if isinstance(value.get(name), list))
+        value = next(lists, [value])
+    return [
+        {**frame, **frame["result"]}
+        if isinstance(frame, dict) and isinstance(frame.get("result"), dict)
+        else frame
+        for frame in (value if isinstance(value, list) else [])
+    ]
+
+
+def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
+    """What a JSON value says of time, beside its results or in each of them."""
+    beside = value if isinstance(value, dict) else {}
+    listed = next((name for name in LISTS if name in beside), None)
+    stamps = {n: beside[n] for n in ("fps", *CLOCK_NAMES) if n in beside and n != listed}
+    dicts = [frame if isinstance(frame, dict) else {} for frame in frames]
+    told = [{"_".join(words_of(str(n))): each for n, each in frame.items()} for frame in dicts]
+    for name in CLOCK_NAMES:
+        if any(fields.get(name) is not None for fields in told):
+            stamps[name] = [fields.get(name) for fields in told]
+    return Record(where, stamps, "correct it, or leave it out")
+
+
+def tracks_in(
+    frames: list[Any],
+    where: str,
+    side: Side | None,
+    hands_of: Callable[[Any, str], list["Detected"]],
+) -> tuple[Tracks, Notes]:
+    """The hands in results, and what was assumed of their sides; see `as_one_hand`.
+
+    `hands_of` gives those of one result, whose place in the file it gets for messages.
+    """
+    most, alike, crowded = 0, 0, 0
+    found: Tracks = {}
+    latest: dict[Side | None, Array] = {}
+    for index, frame in enumerate(frames):
+        if not frame:
+            continue
+        hands = hands_of(frame, f"{where}: frame {index}")
+        most = max(most, len(hands))
+        if len(hands) == 2 and hands[0].side == hands[1].side and hands[0].side is not None:
+            hands, alike = _told_apart(hands, latest), alike + 1
+        crowded += len({hand.side for hand in hands}) < len(hands)
+        for hand in hands:
+            track = found.setdefault(hand.side, empty_track(len(frames)))
+            if hand.score > track.trust[index]:
+                track.points[index], track.trust[index] = hand.points, hand.score
+                latest[hand.side] = hand.points
+    if most == 1:
+        return as_one_hand(found, side)
+    told = (
+        (alike, "both hands have one side: told apart by those before"),
+        (crowded, "more hands than one of a side: the surest is kept"),
+    )
+    return found, tuple(f"in {numbered(n, 'frame')} {words}" for n, words in told if n)
+
+
+@dataclass(frozen=True)
+class Detected:
+    """One hand of a frame: (21, 3) points, its side, and how sure MediaPipe is of that."""
+
+    side: Side | None
+    score: float
+    points: Array
+
+
+def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
+    """The hands of one result of MediaPipe; `side` is that of one that tells none."""
+    record = as_record(frame, where)
+    world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
+    found = []
+    for number, points in enumerate(world):
+        label, score = label_of(sides[number] if number < len(sides) else None)
+        found.append(Detected(label or side, score, points_in(points, record.where)))
+    for known, names in OF_SIDE.items():
+        if points := field_of(record, names):
+            points = points[0] if isinstance(points[0], list) else points
+            found.append(Detected(known, 1.0, points_in(points, record.where)))
+    image = (*IMAGE, *(f"{side}_hand_landmarks" for side in SIDES))
+    if not found and field_of(record, image):
+        raise image_landmarks(record.where)
+    return found
+
+
+def _told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
+    """Two hands of one side with a side each: like the latest hands, else by the surer one."""
+    named = hands[0].side
+    assert named is not None, "hands without a side are not told apart"
+    ways = [
+        [replace(hand, side=side) for hand, side in zip(hands, sides, strict=True)]
+        for sides in ((named, OTHER_SIDE[named]), (OTHER_SIDE[named], named))
+    ]
+    if len(latest) < 2:
+        return ways[hands[1].score > hands[0].score]
+    return min(
+        ways,
+        key=lambda way: sum(float(np.abs(each.points - latest[each.side]).sum()) for each in way),
+    )
+
+
+def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:
+    """One hand where no frame has two, and a note where frames say other sides.
+
+    It is the caller's side, else the one that most frames say: the side of a single frame is a
+    guess of MediaPipe's, and no second hand comes when the first one goes.
+    """
+    seen = {label: track.trust > 0 for label, track in tracks.items()}
+    if len(tracks) < 2 or np.sum(list(seen.values()), axis=0).max() > 1:
+        return tracks, ()
+    counts: dict[Side, int] = {label: int(seen[label].sum()) for label in tracks if label}
+    named: Side = side or max(counts, key=counts.__getitem__)
+    whole = empty_track(len(next(iter(seen.values()))))
+    for label, track in tracks.items():
+        whole.points[seen[label]] = track.points[seen[label]]
+        whole.trust[seen[label]] = track.trust[seen[label]]
+    wrong = sum(count for label, count in counts.items() if label != named)
+    note = (
+        f"no frame has two hands, so that they are one {named} hand, though {wrong} of "
+        f"{int((whole.trust > 0).sum())} frames name the other side; --side says otherwise"
+    )
+    one: Tracks = {named: whole}
+    return one, (note,) if wrong else ()
+
+
+def field_of(record: Record, names: Iterable[str]) -> list[Any]:
+    """The list under the first of some names that a result has; empty without."""
+    name = next((name for name in names if record.values.get(name) is not None), None)
+    return [] if name is None else record.items(name)
+
+
+def empty_track(frames: int) -> LandmarkTrack:
+    """A hand that was not seen."""
+    return LandmarkTrack(np.full((frames, 21, 3), np.nan), np.zeros(frames))
+
+
+def points_in(value: Any, where: str) -> Array:
+    """(21, 3) landmarks of one hand: a list of points, which may stand under "landmark"."""
+    value = value.get("landmark") if isinstance(value, dict) else value
+    listed = value if isinstance(value, list) else []
+    rows = [[p.get(axis) for axis in "xyz"] if isinstance(p, dict) else p for p in listed]
+    record = Record(where, {"landmarks": rows}, "save the results as MediaPipe gives them")
+    return record.array("landmarks", (21, 3))
+
+
+def label_of(value: Any) -> tuple[Side | None, float]:
+    """The side that a result names, and how sure it is of that, above 0 and at most 1."""
+    if isinstance(value, dict) and "classification" in value:
+        value = value["classification"]
+    while isinstance(value, list) and value:
+        value = value[0]
+    named = value if isinstance(value, Mapping) else {}
+    text = str(next((named[name] for name in LABELS if named.get(name)), value))
+    score = named.get("score")
+    sure = score if isinstance(score, float | int) and 0 < score <= 1 else 1.0
+    return side_in(words_of(text)), float(sure)
+
+
+def refuse_image_landmarks(points: Array, where: str) -> None:
+    """Refuse landmarks of the picture."""
+    if of_picture(points):
+        raise image_landmarks(where)
+
+
+def image_landmarks(where: str) -> InputError:
+    """The error for landmarks in shares of the picture."""
+    return InputError(
+        f"{where}: expected MediaPipe's world landmarks in metres, got landmarks of the picture, "
+        "which have no size; save hand_world_landmarks (worldLandmarks, or keypoints3D of "
+        "TensorFlow.js) of the same results"
+    )

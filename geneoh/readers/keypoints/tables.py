@@ -1,0 +1,300 @@
+"""Landmarks of hands in tables (CSV).
+
+Tables are wide, a row a frame with columns such as `x0`, `WRIST_x` or `LeftIndexTipPosX`, or long,
+a row a point with the columns `frame`, `landmark`, `x`, `y` and `z`. They may have the number of
+each frame, its time, or both (`geneoh.readers.clock`), and the side of the hand. Points have names,
+those of MediaPipe, OpenXR, WebXR and the like, or numbers in a named order. What else is there,
+such as orientations and points that OpenPose lacks, is passed over.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Iterable
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geneoh.choices import JointOrder, Side
+from geneoh.errors import InputError, numbered
+from geneoh.files.reading import open_text, table_in
+from geneoh.readers.clock import TIME_NAMES
+from geneoh.readers.column_names import (
+    columns_called,
+    coordinate_in,
+    plain_name,
+    point_in,
+    side_in,
+    words_of,
+)
+from geneoh.readers.foreign_files import JSON_LIMIT, number_in
+from geneoh.readers.joint_orders import ORDERS
+from geneoh.readers.keypoints import mediapipe
+from geneoh.readers.records import FRAME_LIMIT, Record
+
+FRAME_COLUMNS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number")
+SIDE_COLUMNS = ("side", "hand", "handedness", "label")
+POINT_COLUMNS = tuple(
+    f"{point}{end}"
+    for point in ("landmark", "joint", "keypoint")
+    for end in ("", "_id", "_index", "_name", "id", "name")
+)
+UNREAD = re.compile(r"[^#]*\d[^#]*")
+"""A cell that holds a number if any; older programs of Windows write NaN as `1.#QNAN`."""
+
+Row = dict[str | None, Any]
+"""A row of a table by the names of its columns."""
+
+Column = tuple[Side | None, int | None, int]
+"""Side, point and axis of the coordinates in a column; the point is None where a row is a point,
+and the side where its name says none."""
+
+Cell = tuple[Side | None, int, int, int, float]
+"""Side, frame, point, axis and number of a coordinate."""
+
+
+def read_points(
+    path: Path, side: Side | None, order: JointOrder = "openpose"
+) -> mediapipe.Landmarks:
+    """The hands in a table of points, by the side that it says; see `as_one_hand`.
+
+    `order` is that of numbered points.
+    """
+    return points_in_rows(*read_rows(path), path, side, order)
+
+
+def points_in_rows(
+    rows: list[Row], names: list[str], path: Path, side: Side | None, order: JointOrder
+) -> mediapipe.Landmarks:
+    """As `read_points`, in rows with the cells of these names."""
+    frames = frames_of(rows)
+    numbered_as = Numbering(order, path)
+    columns = point_columns(names, numbered_as)
+    cells = list(cells_of(rows, frames, columns, side, numbered_as))
+    numbers = [frame for _, frame, _, _, _ in cells]
+    first, last = min(numbers, default=0), max(numbers, default=0)
+    if not cells or last - first >= FRAME_LIMIT:
+        raise InputError(f"{path}: expected rows of 1 to {FRAME_LIMIT} frames; correct the table")
+    numbered_as.refuse_unused()
+    found: mediapipe.Tracks = {}
+    for label, frame, point, axis, number in cells:
+        track = found.setdefault(label, mediapipe.empty_track(last - first + 1))
+        if np.isfinite(track.points[frame - first, point, axis]):
+            raise InputError(
+                f"{path}: expected one hand a side in each frame, got landmark {point} twice in "
+                f"frame {frame - first + 1} of the table; add the column 'hand', or correct it"
+            )
+        track.points[frame - first, point, axis] = number
+        track.trust[frame - first] = 1.0
+    for track in found.values():
+        mediapipe.refuse_image_landmarks(track.points, str(path))
+    return mediapipe.Landmarks(
+        *mediapipe.as_one_hand(found, side), times_in(rows, frames, path), first
+    )
+
+
+def read_rows(path: Path) -> tuple[list[Row], list[str]]:
+    """The rows of a table, and the names of its columns."""
+    try:
+        with open_text(path, JSON_LIMIT) as file:
+            lines, separator = table_in(file)
+            table = csv.DictReader(lines, delimiter=separator)
+            names = [str(name).strip() for name in table.fieldnames or ()]
+            table.fieldnames = names
+            rows = (row for row in table if any(row.values()))  # a line of separators is blank
+            return [with_points(row, separator, path) for row in rows], names
+    except csv.Error as error:
+        raise InputError(f"{path}: expected a table ({error}); export it again") from None
+
+
+def as_rows(value: Any) -> tuple[list[Row], list[str]] | None:
+    """The rows of a table that is a JSON list of dicts without lists, as pandas writes it, and the
+    names of its columns; None where the value is no such list, or has no column of coordinates."""
+    value = value if isinstance(value, list) else []
+    rows = [row for row in value if isinstance(row, dict)]
+    names = list(dict.fromkeys(str(name) for row in rows for name in row))
+    nested = any(isinstance(cell, list | dict) for row in rows for cell in row.values())
+    if nested or len(rows) != len(value) or not any(map(coordinate_in, names)):
+        return None
+    told = [{str(name): cell for name, cell in row.items()} for row in rows]
+    texts = [["" if row.get(name) is None else str(row[name]) for name in names] for row in told]
+    return [dict(zip(names, cells, strict=True)) for cells in texts], names
+
+
+def with_points(row: Row, separator: str, path: Path) -> Row:
+    """A row with decimal points for decimal commas, where commas do not separate cells."""
+    if any(cells := row.pop(None, ())):
+        raise InputError(
+            f"{path}: expected rows as long as the heading, got one with "
+            f"{numbered(len(cells), 'cell')} more; where decimals have commas, separate cells by "
+            "semicolons"
+        )
+    if separator == ",":
+        return row
+    return {name: cell.replace(",", ".") if cell else cell for name, cell in row.items()}
+
+
+def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
+    """The times of a table's frames, between others of one without a row; empty without times."""
+    name = column_of(rows, TIME_NAMES)
+    times = [] if name is None else [time_in(row[name]) for row in rows]
+    if name is None or not np.isfinite(times).all():
+        return Record(str(path), {})
+    told = dict(zip(frames, times, strict=True))
+    known = sorted(told)
+    every = np.arange(int(known[0]), int(known[-1]) + 1)
+    times = np.interp(every, known, [told[frame] for frame in known])
+    return Record(str(path), {plain_name(name): times}, "correct the table")
+
+
+def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
+    """The column of a table that is called by the first of some names, if any is."""
+    return next((column for _, column in columns_called(rows[0] if rows else (), names)), None)
+
+
+def frame_column(rows: list[Row]) -> str | None:
+    """The column with the numbers of frames; ROS calls the name of a frame of reference so, too."""
+    called = columns_called(rows[0] if rows else (), FRAME_COLUMNS)
+    numbered = (name for _, name in called if any(is_number(row[name]) for row in rows))
+    return next(numbered, None)
+
+
+def is_number(cell: str | None) -> bool:
+    """Whether a cell holds a finite number."""
+    return bool(np.isfinite(number_in(cell or "")))
+
+
+def frames_of(rows: list[Row]) -> list[float]:
+    """The frame of each row: by its number, else by its time, else one for each row."""
+    if name := frame_column(rows):
+        return [number_in(row[name] or "") for row in rows]
+    if name := column_of(rows, TIME_NAMES):
+        times = np.array([time_in(row[name]) for row in rows])
+        places = np.unique(times, return_inverse=True)[1].astype(float)
+        return np.where(np.isfinite(times), places, np.nan).tolist()
+    return np.arange(float(len(rows))).tolist()
+
+
+def time_in(cell: str | None) -> float:
+    """A time as a number, of a date in seconds; NaN for anything else."""
+    number = number_in(cell or "")
+    if np.isfinite(number) or not cell:
+        return number
+    try:
+        at = datetime.fromisoformat(cell.strip().replace("Z", "+00:00"))
+    except ValueError:
+        return number
+    return (at if at.tzinfo else at.replace(tzinfo=timezone.utc)).timestamp()
+
+
+class Numbering:
+    """The order of points that have numbers, which must be needed if it is said."""
+
+    def __init__(self, order: JointOrder, path: Path | str) -> None:
+        self.path, self._order, self._used = path, order, False
+        self._count, entries = ORDERS[order].count, ORDERS[order].entries
+        self._points = {entry: point for point, entry in enumerate(entries)}
+        if -1 in entries:
+            raise InputError(
+                f"{path}: expected an order with all 21 points, got --joint-order {order}; save "
+                "the points as npy"
+            )
+
+    def point(self, words: list[str]) -> int | str | None:
+        """As `point_in`, with OpenPose's number for a number in the order, or "" for none of it."""
+        point = point_in(words)
+        if not isinstance(point, str) or not point:
+            return point
+        self._used = True
+        if int(point) >= self._count:
+            raise self._refusal(f"0 to {self._count - 1}, got number {point}")
+        return self._points.get(int(point), "")
+
+    def refuse_other_count(self, count: int) -> None:
+        """Refuse a list of as many points as the order does not have."""
+        if count != self._count:
+            raise self._refusal(f"got a list of {count}")
+
+    def _refusal(self, got: str) -> InputError:
+        """The error for points of another order."""
+        return InputError(
+            f"{self.path}: expected the {self._count} points of the order {self._order}, {got}; "
+            "name the order of the points (--joint-order), such as openxr for the 26 of OpenXR, or "
+            "keep those"
+        )
+
+    def refuse_unused(self) -> None:
+        """Refuse an order of points that have names."""
+        if self._order != "openpose" and not self._used:
+            raise InputError(
+                f"{self.path}: --joint-order is for numbered points, got points with names, which "
+                "say their order; drop it"
+            )
+
+
+def point_columns(names: list[str], numbering: Numbering) -> dict[str, Column]:
+    """Side, point and axis of each column of coordinates of the 21 points."""
+    said = {name: coordinate_in(name) for name in names}
+    places = {name: at for name, at in said.items() if at is not None and not at.is_turn}
+    alone: dict[str, Column] = {
+        name: (None, None, "xyz".index(at.axis)) for name, at in places.items() if not at.of
+    }
+    if len(alone) == 3 and {plain_name(name) for name in names} & set(POINT_COLUMNS):
+        return alone
+    found: dict[str, Column] = {}
+    for name, at in places.items():
+        point = numbering.point(list(at.of))
+        if isinstance(point, int):
+            found[name] = (side_in(at.of), point, "xyz".index(at.axis))
+    sides = {side for side, _, _ in found.values()}
+    if names and not any(math.isnan(number_in(name)) for name in names):
+        raise InputError(
+            f"{numbering.path}: expected a table with a heading, got numbers in its first line; "
+            "name the columns, such as WRIST_x to PINKY_TIP_z, or save the points as npy"
+        )
+    if not found or len(set(found.values())) != 63 * len(sides):
+        raise InputError(
+            f"{numbering.path}: expected a table of landmarks: the columns x0, y0, z0 to z20 or "
+            "WRIST_x to PINKY_TIP_z, or the names of OpenXR, such as LeftIndexTipPosX, with a row "
+            "a frame, or frame, landmark, x, y, z with a row a landmark, got "
+            f"{', '.join(names)[:200] or 'no columns'}; rename them"
+        )
+    return found
+
+
+def cells_of(
+    rows: list[Row],
+    frames: list[float],
+    columns: dict[str, Column],
+    side: Side | None,
+    numbering: Numbering,
+) -> Iterable[Cell]:
+    """Every coordinate in a table of the 21 points; `side` is that of rows that say none."""
+    long = any(point is None for _, point, _ in columns.values())
+    timed = (frame_column(rows) or column_of(rows, TIME_NAMES)) is not None
+    naming, saying = column_of(rows, POINT_COLUMNS), column_of(rows, SIDE_COLUMNS)
+    path = numbering.path
+    for line, (row, frame) in enumerate(zip(rows, frames, strict=True)):
+        named = (row[naming] if naming else None) or ""
+        row_side = side_in(words_of(row[saying] or "")) if saying else None
+        row_point = numbering.point(words_of(named)) if long else ""
+        if row_point is None or not abs(frame) < 1e9 or (long and not timed):
+            raise InputError(
+                f"{path}: line {line + 2} must have the number or the time of its frame as a "
+                f"number, and a landmark by number or by name, got {frame:g} and "
+                f"{named!r:.40}; correct it"
+            )
+        for name, (told, fixed, axis) in columns.items():
+            point = row_point if fixed is None else fixed
+            if not isinstance(point, int):
+                continue
+            number = number_in(cell := row[name] or "")
+            if number != number and UNREAD.fullmatch(cell):
+                raise InputError(
+                    f"{path}: line {line + 2}: '{name}' must be a number, without separators of "
+                    "thousands and with a decimal point where commas separate cells, got "
+                    f"{cell!r:.40}; correct the table"
+                )
+            yield told or row_side or side, int(frame), point, axis, number

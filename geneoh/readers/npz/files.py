@@ -1,0 +1,290 @@
+"""Sequences to and from npz files: the layouts people have are read, one layout is written."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from geneoh.arguments import checked_call
+from geneoh.choices import SIDES, JointOrder, Side, Unit
+from geneoh.errors import InputError, numbered, shortened
+from geneoh.files.npz import Arrays, write_archive
+from geneoh.geometry.mesh import METRES, Mesh
+from geneoh.geometry.mesh_files import MeshInput, meshes_of
+from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.modes import undisturbed
+from geneoh.readers.clock import timing_of
+from geneoh.readers.joint_orders import ORDERS, in_openpose_order
+from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
+from geneoh.readers.npz import layouts
+from geneoh.readers.npz.hands import read_hands
+from geneoh.readers.npz.layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
+from geneoh.readers.npz.objects import read_object
+from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
+from geneoh.readers.places import Place, place_of
+from geneoh.readers.recordings import read
+from geneoh.readers.records import Array, Notes, Record, float32
+from geneoh.sequence.camera import seen_from, with_rays
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.validation import check_sequence, check_tracks
+
+LOG = logging.getLogger(__name__)
+
+SOURCE_OF_ENDING = {".npy": "keypoints", **dict.fromkeys((".json", ".jsonl", ".csv"), "landmarks")}
+"""Endings of files other than npz that are read without the name of their source."""
+
+LAYOUT_NAMES: dict[layouts.Layout, str] = {
+    "geneoh-sequence": f"{FORMAT} version {layouts.VERSION}",
+    "smplx": "smplx names, absolute pose",
+    "taco": "TACO names",
+    "joints": "bare joints",
+}
+MOTION_FIELDS = ("rotation", "translation", "valid")
+"""Fields of an object's track that a file keeps, with `object_` in front."""
+RAYS = tuple(own_names(side)["camera_ray"] for side in SIDES)
+CALLERS = {
+    "obj_pose": ("the object's motion", "--object-pose", OBJECT_FIELDS, "one of them"),
+    "camera_position": ("the camera", "--camera", (*CAMERA_FIELDS, *RAYS), "the option"),
+}
+"""Of each field that the caller may give: what it is, by which option, what says the same, and what
+to drop."""
+
+
+@checked_call
+@undisturbed()
+def load(
+    path: Path | str,
+    *,
+    obj: MeshInput = None,
+    side: Side | None = None,
+    fps: float | None = None,
+    mano_dir: Path | str | None = None,
+    unit: Unit = "m",
+    joint_order: JointOrder = "openpose",
+    keypoint_unit: Unit | None = None,
+    object_pose: Path | str | Array | None = None,
+    camera: Place | str | None = None,
+) -> Sequence:
+    """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
+
+    It also says what had to be assumed, which is logged as a warning as well.
+
+    Args:
+        path: the npz of the sequence, which is never unpickled, a npy of keypoints, or MediaPipe's
+            landmarks as JSON or CSV.
+        obj: the object's mesh or its file, or one per rigid part. Without it those that the file
+            itself names, where they are still there and hold what they held; the source of the
+            sequence says so where they do not.
+        side: which hand, where the file does not say; of two hands, the one to read.
+        fps: frames a second, where the file does not say.
+        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+        unit: of the mesh files in `obj`.
+        joint_order: order of the keypoints, where the file holds bare `joints`.
+        keypoint_unit: of the lengths in such a file, `camera_position` among them, and of
+            `object_pose`; by default metres.
+        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or a file of them or of
+            a trajectory (npy, npz, TUM, KITTI, CSV, JSON), or a folder with a text of each frame's
+            matrix, where the file holds no motion of the object.
+        camera: position of the camera in the world, metres, where the file does not say it and the
+            hand was estimated from images; (0, 0, 0) or "origin" where the coordinates are the
+            camera's.
+
+    Raises:
+        InputError: a file cannot be read as one interaction; the message says why.
+    """
+    camera = place_of(camera, "geneoh.load") if isinstance(camera, str) else camera
+    if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
+        bare = {"joint_order": joint_order, "keypoint_unit": keypoint_unit, "camera": camera}
+        shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
+        return read(source, path, obj=obj or (), object_pose=object_pose, **shared, **bare)
+    path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
+    given = poses_of(object_pose, "geneoh.load")
+    record = layouts.read_fields(path)
+    layout = layouts.layout_of(record)
+    record = with_joint_order(record, layout, joint_order)
+    record = with_callers(record, "obj_pose", given and given.matrices)
+    record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
+    meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
+    # first: it may be why the rest is refused
+    for note in layouts.misspelt_fields(record, layout):
+        LOG.warning("%s: %s", path, note)
+    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, given)
+    notes = (*notes, missing) if missing else notes
+    for note in notes:
+        LOG.warning("%s: %s", path, note)
+    made_from = record.optional_text("source") if layout == FORMAT else None
+    source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
+    if made_from:
+        source = f"{source} made from {shortened(made_from, 300)}"
+    motion = replace(sequence.object, missing=missing)
+    left_out = layouts.BODY_LEFT_OUT if "body_pose" in record else ""
+    sequence = replace(sequence, object=motion, source=source, left_out=left_out)
+    check_sequence(sequence, str(path))
+    return sequence
+
+
+def with_joint_order(record: Record, layout: layouts.Layout, order: JointOrder) -> Record:
+    """The fields with bare joints brought from the caller's order into OpenPose's."""
+    if order == "openpose":
+        return record
+    refuse_layout(record, layout, "--joint-order", "in OpenPose order")
+    shape, unit = ("T", ORDERS[order].count, 3), f"in metres, in the order {order}"
+    points = record.array("joints", shape, unit=unit)
+    return in_openpose_order(record, points, order)
+
+
+def refuse_layout(record: Record, layout: layouts.Layout, option: str, always: str) -> None:
+    """Refuse an option for bare joints beside a layout that leaves nothing open."""
+    if layout != "joints":
+        raise InputError(
+            f"{record.where}: {option} is for bare 'joints', got {LAYOUT_NAMES[layout]}, which is "
+            f"always {always}; drop the option"
+        )
+
+
+def with_callers(record: Record, name: str, value: Array | Place | None) -> Record:
+    """The fields with one that the caller gives, of which the file must say nothing."""
+    if value is None:
+        return record
+    what, option, names, which = CALLERS[name]
+    if own := [name for name in names if name in record]:
+        raise InputError(
+            f"{record.where}: {what} must be given once, got {option} and {quoted(own)}; "
+            f"drop {which}"
+        )
+    return replace(record, values={**record.values, name: np.asarray(value)})
+
+
+def in_metres(record: Record, layout: layouts.Layout, unit: Unit | None) -> Record:
+    """The fields of a file of bare joints with its lengths in metres."""
+    if unit is None:
+        return record
+    refuse_layout(record, layout, "--keypoint-unit", "in metres")
+    values = dict(record.values)
+    for name in {"joints", "object_translation", "camera_position"} & values.keys():
+        values[name] = METRES[unit] * record.numbers(name)
+    if "obj_pose" in record:
+        poses = pose_field(record, "obj_pose").copy()
+        poses[..., :3, 3] *= METRES[unit]
+        values["obj_pose"] = poses
+    return replace(record, values=values)
+
+
+def sequence_in(
+    record: Record,
+    layout: layouts.Layout,
+    meshes: tuple[Mesh, ...],
+    side: Side | None = None,
+    fps: float | None = None,
+    mano_dir: Path | str | None = None,
+    given: ObjectPoses | None = None,
+) -> tuple[Sequence, Notes]:
+    """The sequence in the fields of a layout, and what had to be assumed, in words.
+
+    `given` are the caller's poses of the object, whose matrices are the field 'obj_pose'.
+    """
+    hands, about_hands = read_hands(record, layout, side, mano_dir)
+    rate, clock, notes = timing_of(record, hands[0].frames, fps)
+    if given is not None:
+        given = replace(given, matrices=pose_field(record, "obj_pose"))
+        poses, about_poses = given.of_frames(hands[0].frames, record.where, clock)
+        record = replace(record, values={**record.values, "obj_pose": poses})
+        notes = (*about_poses, *notes)
+    motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
+    if motion.valid is not None and motion.is_known:
+        lost = int((~motion.valid).any(1).sum())
+        gaps = f"{numbered(lost, 'frame')} without a pose of the object, filled in"
+        about_object = (*about_object, gaps)
+    sequence = with_camera_fields(record, Sequence(hands, motion, rate))
+    if clock is not None and sequence.frames == hands[0].frames:
+        sequence, _ = clock.even(sequence)
+    return sequence, (*about_hands, *about_object, *notes)
+
+
+def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
+    """The sequence with what a file says of the camera that all hands were seen by."""
+    there = [name for name in CAMERA_FIELDS if name in record]
+    if len(there) > 1:
+        raise InputError(f"{record.where}: got {quoted(there)}; remove one of them")
+    known = {"camera_ray": with_rays, "camera_position": seen_from}
+    for name in there:
+        values = float32(record.array(name, (3,), ("T", 3)).reshape(-1, 3))
+        sequence = known[name](sequence, values, f"{record.where}: '{name}'")
+    return sequence
+
+
+def save_sequence(
+    sequence: Sequence, path: Path | str, *, extra: Mapping[str, np.ndarray] | None = None
+) -> None:
+    """Write a sequence as a geneoh-sequence npz, whole or not at all; equal ones give equal bytes.
+
+    Of the object's meshes it keeps the paths, relative to the file, and hashes. A mesh that is in
+    no file is not kept, which is logged as a warning. `extra` arrays are kept by name as well;
+    reading leaves them alone.
+
+    Raises:
+        InputError: the place cannot be written to, or the sequence has no hand, two of one side,
+            other frames than its object, or betas of two hand models.
+        ValueError: an extra array has the name of a field of the layout, or holds objects.
+    """
+    path = Path(path)
+    check_tracks(sequence)
+    meshes = mesh_arrays(sequence.object.meshes, path.parent)
+    arrays = sequence_arrays(sequence) | meshes
+    if taken := arrays.keys() & (extra or {}).keys():
+        raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
+    write_archive(path, {**arrays, **(extra or {})})
+    if HASHES in meshes and FILES not in meshes:
+        LOG.warning("%s: %s; give it again, as obj, when the file is read", path, IN_NO_FILE)
+
+
+def sequence_arrays(sequence: Sequence) -> Arrays:
+    """The fields of the geneoh-sequence layout."""
+    motion, about = sequence.object, {"format": FORMAT, "version": layouts.VERSION}
+    about |= {"fps": sequence.fps, "source": sequence.source}
+    arrays: Arrays = {name: np.array(value) for name, value in about.items()}
+    arrays |= motion_arrays(motion)
+    models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
+    if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
+        models.discard(MENDED)
+    if len(models) > 1:
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: the betas of both hands must be of one hand "
+            f"model, got {quoted(sorted(models))}; leave 'betas' and 'hand_model' of one hand out"
+        )
+    if models:
+        arrays["hand_model"] = np.array(models.pop())
+    for hand in sequence.hands:
+        arrays.update(hand_arrays(hand))
+    rays = [hand.camera_ray for hand in sequence.hands]
+    if rays[0] is not None and all(ray is not None and rays[0].equal(ray) for ray in rays):
+        for hand in sequence.hands:
+            arrays["camera_ray"] = arrays.pop(own_names(hand.side)["camera_ray"])
+    return arrays
+
+
+def motion_arrays(motion: ObjectTrack) -> Arrays:
+    """The fields of the object's motion; none where there is no object."""
+    if not motion.is_known:
+        return {}
+    known = [name for name in MOTION_FIELDS if getattr(motion, name) is not None]
+    return {f"object_{name}": plain(getattr(motion, name)) for name in known}
+
+
+def hand_arrays(hand: HandTrack) -> Arrays:
+    """The fields of one hand, its side in front of each name."""
+    names = own_names(hand.side)
+    known = [name for name in names if getattr(hand, name) is not None]
+    arrays = {names[name]: plain(getattr(hand, name)) for name in known}
+    if hand.pose is not None:
+        arrays[names["pose"]] = plain(hand.pose.reshape(-1, 48))
+    return arrays
+
+
+def plain(values: Tensor) -> np.ndarray:
+    """A tensor as numpy keeps it, off any device and graph."""
+    return values.detach().to("cpu", torch.float32 if values.is_floating_point() else None).numpy()

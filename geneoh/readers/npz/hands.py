@@ -1,0 +1,158 @@
+"""The hands of an npz in each of its layouts.
+
+What only the file's owner knows, such as the side of the hand, must come from the caller when the
+file leaves it open; what had to be assumed is noted.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import Side
+from geneoh.errors import InputError
+from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.hand.library import load_hand
+from geneoh.hand.mano import AS_SHIPPED, MENDED, load_pose_space, name_of
+from geneoh.readers import mano
+from geneoh.readers.base import finite_frames
+from geneoh.readers.npz import layouts
+from geneoh.readers.npz.layouts import JOINT_NAMES, SMPLX_PARAMETERS, Layout
+from geneoh.readers.npz.tracks import read_betas, read_hand_model, read_track
+from geneoh.readers.records import Notes, Record, float32
+from geneoh.readers.transforms import read_turns
+from geneoh.sequence.sequence import HandTrack
+
+
+def read_hands(
+    record: Record, layout: Layout, side: Side | None = None, mano_dir: Path | str | None = None
+) -> tuple[tuple[HandTrack, ...], Notes]:
+    """The hand tracks of a file in a known layout, and what had to be assumed; see `load`."""
+    if layout == "geneoh-sequence":
+        return read_own(record, side)
+    side = side_of(record, side)
+    if layout == "smplx":
+        hand, notes = read_smplx(record, side, mano_dir)
+    elif layout == "taco":  # which used the official left file as it is
+        shipped = name_of(side, AS_SHIPPED)
+        hand, notes = read_track(record, side, layouts.TACO_NAMES, hand_model=shipped)
+    else:
+        hand, notes = read_track(record, side, JOINT_NAMES)
+    return (hand,), notes
+
+
+def side_of(record: Record, given: Side | None) -> Side:
+    """Which hand a file of one hand holds, by its field 'side' or the caller, who must agree."""
+    side = record.optional_text("side")
+    side = side and side.strip().lower()
+    if side not in (None, "left", "right"):
+        raise record.refuse("side", "'left' or 'right'", "correct it")
+    if side is None and given is None:
+        raise InputError(
+            f"{record.where}: a field 'side' must say which hand it holds, got none; "
+            "pass --side left or --side right"
+        )
+    if side is not None and given not in (None, side):
+        raise InputError(
+            f"{record.where}: 'side' says {side}, where the {given} hand is asked for; correct one "
+            "of the two"
+        )
+    return given or ("left" if side == "left" else "right")
+
+
+def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...], Notes]:
+    """Our own layout: up to two hands, each field with its side in front."""
+    names: dict[Side, dict[str, str]] = {s: layouts.own_names(s) for s in ("right", "left")}
+    sides: list[Side] = [s for s in names if record.values.keys() & names[s].values()]
+    if not sides or given not in (None, *sides):
+        wanted = f"a {given} hand" if given else "at least one hand"
+        cure = "drop --side" if sides else f"add '{given or 'right'}_joints'"
+        raise InputError(
+            f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; {cure}"
+        )
+    sides = [given] if given else sides
+    # where none is seen, reading refuses all of them
+    seen: list[Side] = [side for side in sides if is_seen(record, names[side])] or sides
+    unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
+    found = [read_track(record, s, names[s], hand_model=read_hand_model(record, s)) for s in seen]
+    notes = (note for _, about in found for note in about)
+    return tuple(hand for hand, _ in found), (*unseen, *notes)
+
+
+def is_seen(record: Record, names: dict[str, str]) -> bool:
+    """Whether some frame holds a hand: by its mask, else by numbers that are finite and not 0."""
+    if names["valid"] in record:
+        return bool(record.flags(names["valid"]).any())
+    placed = [names[name] for name in ("joints", "pose", "wrist") if names[name] in record]
+    if names["joints"] in placed and not record.numbers(names["joints"]).any():
+        return False
+    arrays = (np.atleast_1d(record.numbers(name)) for name in placed)
+    return not placed or any(finite_frames(array).any() for array in arrays)
+
+
+def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple[HandTrack, Notes]:
+    """The names of smplx: pose in two parts (matrices too), translation of MANO's origin."""
+    for name in SMPLX_PARAMETERS[:2]:
+        if name not in record:
+            raise InputError(
+                f"{record.where}: the smplx layout needs 'global_orient' and 'hand_pose', "
+                f"got no '{name}'; add it"
+            )
+    model = read_hand_model(record, side, AS_SHIPPED)
+    root = read_rotations(record, "global_orient", 1)
+    fingers = read_rotations(record, "hand_pose", 15)
+    record.refuse_lengths(*SMPLX_PARAMETERS)
+    mean, about_mean = mean_to_add(record, side, mano_dir)
+    wrist, notes = None, ()
+    transl = record.tensor("transl", ("T", 3), unit="in metres")
+    joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
+    if joints is not None:
+        wrist = joints[:, 0]
+    elif transl is not None:
+        betas = read_betas(record, "betas")[0] if model in (MENDED, AS_SHIPPED) else None
+        offset, notes = offset_of_wrist(side, betas, mano_dir)
+        wrist = transl + offset
+    names = {**JOINT_NAMES, "betas": "betas"}
+    pose = torch.cat([root, fingers + mean], dim=1)
+    made = {"parameters": SMPLX_PARAMETERS, "pose": pose, "wrist": wrist}
+    hand, more = read_track(record, side, names, hand_model=model, **made)
+    return hand, (*about_mean, *notes, *more)
+
+
+def mean_to_add(
+    record: Record, side: Side, mano_dir: Path | str | None
+) -> tuple[Float[Tensor, "15 3"], Notes]:
+    """MANO's mean pose where a file's poses are relative to it, else zeros; and what was assumed.
+
+    smplx makes hands so (`flat_hand_mean=False`) where nobody asks for anything else.
+    """
+    said = record.optional_number("flat_hand_mean")
+    if said == 0 and mano_dir is None:
+        raise record.refuse(
+            "flat_hand_mean",
+            "true (zero is the flat hand) without MANO",
+            "pass --mano, by which the mean pose is added, or add hands_mean to 'hand_pose'",
+        )
+    if said == 0:
+        return load_pose_space(side, mano_dir).mean.reshape(15, 3), ()
+    note = "the pose is taken as absolute; 'flat_hand_mean' says otherwise"
+    return torch.zeros(15, 3), () if said else (note,)
+
+
+def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:
+    """`count` rotations per frame as axis-angle, from axis-angle or from matrices."""
+    remedy = "decode PCA coefficients to 15 axis-angle triples first" if count > 1 else ""
+    turns = float32(read_turns(record, name, count, remedy=remedy))
+    return turns if turns.ndim < 4 else matrix_to_axis_angle(turns)
+
+
+def offset_of_wrist(
+    side: Side, betas: Float[Tensor, " 10"] | None, mano_dir: Path | str | None
+) -> tuple[Float[Tensor, " 3"], Notes]:
+    """From MANO's origin to the wrist, with the left hand of smplx; or the mean hand's."""
+    if mano_dir is None:
+        return float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
+    hand = load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir)
+    return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()

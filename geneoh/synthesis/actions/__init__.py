@@ -1,0 +1,1 @@
+"""Clips that show a verb."""

@@ -1,0 +1,113 @@
+"""Types of grasps: which pads of the hand touch, how curled it is, and from where it comes."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.synthesis.grasping.contact_pads import PAD_OF_PALM
+
+CURLS = (0.2, 2.5)  # range of the curl (see `curled`) from person to person and grasp to grasp
+
+
+@dataclass(frozen=True)
+class GraspType:
+    """What makes one type of grasp differ from the others; ranges are of one draw per grasp."""
+
+    name: str
+    share: float  # share of the attempts
+    digits: tuple[float, float, float, float, float, float]
+    """Probability that each takes part: index, middle, pinky, ring, thumb, palm."""
+    needed: int  # digits that must touch with pads of this type
+    fingers: tuple[float, float, float] = (0.0, 0.1, 1.0)
+    """Probability that the base, middle and distal pad of a finger that takes part should touch."""
+    thumb: tuple[float, float, float] = (0.0, 0.1, 1.0)  # the same for the thumb
+    side: tuple[float, float] = (0.0, 0.0)
+    """The same for the index's middle and distal phalanx on the side of the thumb."""
+    finger_curls: tuple[float, float] = CURLS  # range of the curl of the fingers
+    thumb_curls: tuple[float, float] = CURLS  # range of the curl of the thumb
+    opposition: float = 1.0
+    """How far the thumb turns under the palm: 0 beside the index, 1 across from the fingers."""
+    opened: tuple[float, float] = (0.0, 0.8)
+    """Range of the share of its curl with which the hand starts over the object."""
+    over: tuple[float, float, float] = (-1.0, 0.0, 0.045)
+    """Point of the hand that starts over the surface: along the palm in lengths of the palm,
+    towards the thumb and below the palm in metres."""
+    faces: tuple[float, float, float] = PAD_OF_PALM  # direction of the hand that faces the surface
+    approaches: int = 1  # random starts, of which the one with the least energy is taken
+    bears: tuple[float, float, float] | None = None
+    """Outward normal of a surface whose weight rests on the hand, in the hand's frame; None for
+    grips, which hold by opposing contacts."""
+
+    @property
+    def pads(self) -> tuple[float, ...]:
+        """Probability that each pad should touch if its digit takes part."""
+        return (*self.fingers * 4, *self.thumb, *self.side, 1.0, 1.0)
+
+
+def _precision(
+    count: int, share: float, fingers: tuple[float, float, float, float], needed: int
+) -> GraspType:
+    """Thumb and neighbouring fingers, at their tips."""
+    return GraspType(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
+
+
+_WHOLE = (0.8, 0.95, 1.0)
+GRASP_TYPES = (
+    GraspType("power", 0.44, (0.95, 0.95, 0.85, 0.95, 0.95, 0.8), 4, _WHOLE, _WHOLE, approaches=6),
+    _precision(2, 0.08, (1.0, 0.0, 0.0, 0.0), 2),
+    _precision(3, 0.1, (1.0, 1.0, 0.0, 0.0), 3),
+    _precision(4, 0.08, (1.0, 1.0, 0.0, 1.0), 3),
+    _precision(5, 0.06, (1.0, 1.0, 1.0, 1.0), 4),
+    GraspType(
+        "lateral",
+        0.08,
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        2,
+        fingers=(0.0, 0.0, 0.0),
+        thumb=(0.0, 0.0, 1.0),
+        side=(1.0, 0.5),
+        finger_curls=(1.3, 2.0),
+        thumb_curls=(0.2, 1.0),
+        opposition=0.35,
+        opened=(0.9, 1.0),
+        over=(-1.05, 0.03, 0.04),
+        faces=(0.0, 0.0, 1.0),
+        approaches=12,
+    ),
+    GraspType(
+        "hook",
+        0.08,
+        (1.0, 1.0, 1.0, 1.0, 0.0, 0.0),
+        3,
+        fingers=(0.2, 1.0, 0.6),
+        finger_curls=(1.4, 2.2),
+        thumb_curls=(0.0, 0.4),
+        opposition=0.4,
+        opened=(0.5, 0.9),
+        over=(-1.15, 0.0, 0.03),
+        approaches=32,
+        bears=(-1.0, 0.0, 0.0),
+    ),
+    GraspType(
+        "support",
+        0.08,
+        (0.9, 0.9, 0.8, 0.9, 0.0, 1.0),
+        3,
+        fingers=(0.7, 0.7, 0.7),
+        finger_curls=(0.0, 0.4),
+        thumb_curls=(0.0, 0.4),
+        opposition=0.4,
+        opened=(0.8, 1.0),
+        over=(-0.9, 0.0, 0.02),
+        approaches=12,
+        bears=(0.0, 1.0, 0.0),
+    ),
+)
+"""All types; `Grasps.types` are indices into them."""
+
+
+def of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
+    """A field of `GraspType` for each hand."""
+    return torch.tensor([getattr(each, name) for each in GRASP_TYPES], dtype=torch.float32)[types]

@@ -1,0 +1,263 @@
+"""Grasps by batched gradient descent of a sphere-covered skeleton against analytic objects.
+
+Each attempt is of one of `GRASP_TYPES`. The hand starts over a random point of the surface and
+descends `grasp_energy`. What passes `GraspChecks` is kept. Frames: the right hand's rest frame
+(fingers -x, palm -y, thumb +z) and the object's frame; metres and radians.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.nn.adam import adam
+from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.grasping.contact_pads import (
+    PAD_DIGITS,
+    OtherHands,
+    Table,
+    contact_pads,
+    hand_scale,
+    hand_spheres,
+)
+from geneoh.synthesis.grasping.grasp_checks import GraspChecks, passes
+from geneoh.synthesis.grasping.grasp_energy import GraspAttempt, GraspEnergy, Hands, grasp_energy
+from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES, of_type
+from geneoh.synthesis.grasping.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, curled
+from geneoh.synthesis.shapes.solids import Solids
+
+
+@dataclass(frozen=True)
+class GraspConfig:
+    """How grasps are looked for."""
+
+    steps: int = 140  # descent steps of Adam with a cosine rate
+    wrist_rate: float = 0.004  # first learning rate of the wrist's position, metres
+    angle_rate: float = 0.03  # first learning rate of orientation and finger joints, radians
+    last_rate: float = 1e-4  # last learning rate of all of them
+    stop: float = 2.15  # deviations out of the range at which joints stop; < `checks.deviations`
+    curl_std: float = 0.3  # deviation of the logarithm of the curl from digit to digit
+    habit_std: float = 0.6  # deviation of the pose drawn for a hand, in deviations of each joint
+    start_habit: float = 0.5  # share of that deviation with which the hand starts
+    tilt_std: float = 0.25
+    """Deviation of the hand's first orientation from facing the surface, radians on each axis."""
+    start_reach: tuple[float, float] = (0.75, 1.25)
+    """Range of a factor on how far along the palm the surface point lies at the start."""
+    grips: int = 2  # other poses that are looked for in which a hand holds the same place
+    grip_steps: float = 0.25  # descent steps for each, as a share of `steps`
+    grip_turn_std: float = 0.12
+    """Deviation of a grip's turn about the pads that touch, radians on each axis, at its start."""
+    grip_shift_std: float = 0.004  # deviation of its shift, metres
+    grip_habit_std: float = 0.25  # deviation of its fingers, in deviations of each joint
+    energy: GraspEnergy = field(default_factory=GraspEnergy)
+    checks: GraspChecks = field(default_factory=GraspChecks)
+
+
+@dataclass(frozen=True)
+class Grasps(Bundle):
+    """Hands of B right-hand skeletons on B objects, in the objects' frames."""
+
+    pose: Float[Tensor, "B 16 3"]
+    wrist: Float[Tensor, "B 3"]
+    offsets: Float[Tensor, "B 20 3"]
+    kept: Bool[Tensor, " B"]  # whether the grasp passes the checks
+    types: Int[Tensor, " B"]  # index into GRASP_TYPES of what was tried
+
+    def posed(self) -> tuple[Float[Tensor, "B 21 3"], Float[Tensor, "B 16 3 3"]]:
+        """Keypoints and the joints' global rotations."""
+        return forward_kinematics(axis_angle_to_matrix(self.pose), self.wrist, self.offsets)
+
+
+@dataclass(frozen=True)
+class Grips(Bundle):
+    """Other poses of B hands in which they hold the same place of their object, K of each."""
+
+    pose: Float[Tensor, "B K 16 3"]
+    wrist: Float[Tensor, "B K 3"]
+
+
+def _between(limits: Float[Tensor, "B C 2"], draws: Draws) -> Float[Tensor, "B C"]:
+    """Numbers between limits, all of a hand at the same share of the way."""
+    low, high = limits.unbind(-1)
+    return low + (high - low) * draws.share(1)
+
+
+def random_attempts(
+    offsets: Float[Tensor, "B 20 3"], config: GraspConfig, draws: Draws
+) -> tuple[GraspAttempt, Float[Tensor, "B 15 3"]]:
+    """Random attempts, and the fingers with which they start."""
+    shares = torch.tensor([each.share for each in GRASP_TYPES])
+    types = torch.multinomial(shares, draws.batch, replacement=True, generator=draws.generator)
+    curls = [of_type("finger_curls", types)] * 4 + [of_type("thumb_curls", types)]
+    curl = _between(torch.stack(curls, dim=1), draws)
+    curl = curl * (config.curl_std * draws.normal(5)).exp()
+    habit = config.habit_std * FINGER_STD * draws.normal(15, 3)
+    opposed = torch.ones(draws.batch, 15, 1)
+    opposed[:, 12, 0] = of_type("opposition", types)
+    opened = _between(of_type("opened", types)[:, None], draws)
+    start = opposed * curled(curl * opened) + config.start_habit * habit
+    joins = draws.share(6) < of_type("digits", types)
+    touches = draws.share(len(PAD_DIGITS)) < of_type("pads", types)
+    wanted = joins[:, list(PAD_DIGITS)] & touches
+    return GraspAttempt(types, offsets, opposed * curled(curl) + habit, wanted), start
+
+
+def _approach(
+    solids: Solids,
+    attempt: GraspAttempt,
+    fingers: Float[Tensor, "B 15 3"],
+    config: GraspConfig,
+    draws: Draws,
+) -> Hands:
+    """Hands over a random surface point each, which the side that their type names faces.
+
+    They are turned at random about the surface normal.
+    """
+    surface, normals = solids.surface_points(1, generator=draws.generator, to_grasp=True)
+    point, normal = surface[:, 0], normals[:, 0]
+    across = torch.linalg.cross(normal, draws.normal(3))
+    across = torch.nn.functional.normalize(across, dim=-1)
+    there = torch.stack([across, -normal, torch.linalg.cross(across, -normal)], dim=-1)
+    faces = of_type("faces", attempt.types)
+    ahead = faces.new_tensor([-1.0, 0.0, 0.0]).expand_as(faces)
+    here = torch.stack([ahead, faces, torch.linalg.cross(ahead, faces)], dim=-1)
+    rotation = there @ here.mT @ axis_angle_to_matrix(config.tilt_std * draws.normal(3))
+    along, aside, below = of_type("over", attempt.types)[..., None].unbind(1)
+    reach = draws.uniform(config.start_reach, 1)
+    palm = -along * reach * attempt.offsets[:, 3]
+    palm = palm + torch.cat([torch.zeros_like(below), -below, aside], dim=-1)
+    wrist = point - (rotation @ palm[..., None])[..., 0]
+    return Hands(wrist, matrix_to_axis_angle(rotation), fingers)
+
+
+def _starts(
+    solids: Solids,
+    attempt: GraspAttempt,
+    fingers: Float[Tensor, "B 15 3"],
+    toward: Float[Tensor, "B 3"],
+    config: GraspConfig,
+    draws: Draws,
+) -> Hands:
+    """Hands to start from: the best of as many approaches as the type draws."""
+    start = _approach(solids, attempt, fingers, config, draws)
+    counts = of_type("approaches", attempt.types).long()
+    (several,) = torch.nonzero(counts > 1, as_tuple=True)
+    if len(several) == 0:
+        return start
+    which = several.repeat_interleave(counts[several])
+    group = torch.arange(len(several)).repeat_interleave(counts[several])
+    objects, tried = solids.take(which, "B"), attempt.take(which, "B")
+    again = Draws(len(which), draws.generator)
+    hands = _approach(objects, tried, fingers[which], config, again)
+    energy = grasp_energy(objects, tried, hands, config.energy)
+    behind = (hands.wrist * toward[which]).sum(-1).clamp(max=0)
+    energy = energy + config.energy.wrong_side * behind.square()
+    mine = group == torch.arange(len(several))[:, None]
+    best = torch.where(mine, energy, torch.inf).argmin(dim=1)
+    start.wrist[several], start.orient[several] = hands.wrist[best], hands.orient[best]
+    return start
+
+
+def _descend(solids: Solids, attempt: GraspAttempt, start: Hands, config: GraspConfig) -> Hands:
+    """The hands that minimise the energy."""
+    low = FINGER_LOW - config.stop * FINGER_STD
+    high = FINGER_HIGH + config.stop * FINGER_STD
+
+    def rates(done: int) -> list[float]:
+        fall = 0.5 + 0.5 * math.cos(math.pi * done / config.steps)
+        firsts = (config.wrist_rate, config.angle_rate, config.angle_rate)
+        return [config.last_rate + fall * (first - config.last_rate) for first in firsts]
+
+    found = adam(
+        lambda now: grasp_energy(solids, attempt, Hands(*now), config.energy).sum(),
+        [start.wrist, start.orient, start.fingers],
+        steps=config.steps,
+        rate=rates,
+        bounded=lambda now: [*now[:2], now[2].clamp(low, high)],
+    )
+    return Hands(*found)
+
+
+def synthesize_grasps(
+    solids: Solids,
+    offsets: Float[Tensor, "B 20 3"],
+    config: GraspConfig | None = None,
+    *,
+    generator: torch.Generator,
+    toward: Float[Tensor, "B 3"] | None = None,
+    table: Table | None = None,
+    other: OtherHands | None = None,
+) -> Grasps:
+    """One grasp attempt per object and hand; `kept` tells which ones pass the checks.
+
+    The wrist starts on the side of the object that `toward` points to; zero is for any. Hands stay
+    over the table and out of other hands, if there are any.
+    """
+    config, draws = config or GraspConfig(), Draws(len(offsets), generator)
+    attempt, fingers = random_attempts(offsets, config, draws)
+    attempt = replace(attempt, table=table, other=other)
+    toward = torch.zeros(len(offsets), 3) if toward is None else toward
+    start = _starts(solids, attempt, fingers, toward, config, draws)
+    hands = _descend(solids, attempt, start, config)
+    kept = passes(solids, attempt, hands, config.checks)
+    return Grasps(hands.pose, hands.wrist, offsets, kept, attempt.types)
+
+
+def shifted_grips(
+    solids: Solids, grasps: Grasps, config: GraspConfig, *, generator: torch.Generator
+) -> Grips:
+    """Grips near each grasp with the same pads: what hands shift and roll their object between.
+
+    A grip that loses a pad or sinks into the object is replaced by the grasp itself.
+    """
+    each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
+    solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
+    draws = Draws(len(each), generator)
+    joints, turns = grasps.posed()
+    pads, _ = contact_pads(joints, turns, hand_scale(grasps.offsets))
+    touching = solids.signed_distance(pads).abs() < config.checks.contact
+    weight = touching.float()[..., None]
+    pivot = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
+    turn = axis_angle_to_matrix(config.grip_turn_std * draws.normal(3))
+    wrist = pivot + (turn @ (grasps.wrist - pivot)[..., None])[..., 0]
+    wrist = wrist + config.grip_shift_std * draws.normal(3)
+    liked = grasps.pose[:, 1:] + config.grip_habit_std * FINGER_STD * draws.normal(15, 3)
+    start = Hands(wrist, matrix_to_axis_angle(turn @ turns[:, 0]), liked)
+    attempt = GraspAttempt(grasps.types, grasps.offsets, liked, touching)
+    config = replace(config, steps=max(1, round(config.grip_steps * config.steps)))
+    hands = _descend(solids, attempt, start, config)
+    kept = passes(solids, attempt, hands, config.checks)[:, None]
+    pose = torch.where(kept[..., None], hands.pose, grasps.pose)
+    wrist = torch.where(kept, hands.wrist, grasps.wrist)
+    return Grips(*(value.unflatten(0, (-1, config.grips)) for value in (pose, wrist)))
+
+
+def settled_grasps(
+    solids: Solids,
+    grasps: Grasps,
+    config: GraspConfig,
+    *,
+    reach: float,
+    table: Table,
+    other: OtherHands | None,
+) -> Grasps:
+    """The grasps next to given ones in which nothing sinks in and what is near touches.
+
+    Pads within `reach` (metres) of the surface are drawn to it, or those that are next to it where
+    none is. `kept` tells which grasps are no deeper in their object than the checks allow.
+    """
+    scale = hand_scale(grasps.offsets)
+    joints, turns = grasps.posed()
+    gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])
+    wanted = gap < (gap.amin(1, keepdim=True) + reach / 2).clamp(min=reach)
+    fingers = grasps.pose[:, 1:]
+    attempt = GraspAttempt(grasps.types, grasps.offsets, fingers, wanted, table, other)
+    hands = _descend(solids, attempt, Hands(grasps.wrist, grasps.pose[:, 0], fingers), config)
+    centers, radii = hand_spheres(hands.posed(attempt)[0], scale)
+    depth = (radii - solids.signed_distance(centers)).amax(1)
+    return replace(grasps, pose=hands.pose, wrist=hands.wrist, kept=depth < config.checks.depth)

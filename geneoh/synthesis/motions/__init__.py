@@ -1,0 +1,1 @@
+"""How hands and objects move in a made clip."""

@@ -1,0 +1,171 @@
+"""How a grasped object moves: it stands or floats, is carried or slid, and its joint works."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.geometry.mirror import mirror_points, mirror_rotations
+from geneoh.geometry.rigid import Rigid, part_poses
+from geneoh.geometry.rotations import axis_angle_to_matrix, shortest_turn
+from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.grasping.bimanual import HandPairs
+from geneoh.synthesis.motions.schedule import Schedule
+from geneoh.synthesis.shapes.solids import Solids
+
+
+@dataclass(frozen=True)
+class ObjectMotionConfig:
+    """How far, how often and about what objects move while they are held."""
+
+    rest_points: int = 5  # poses at which the object stops on its way, the last one included
+    carry_share: float = 0.85  # share of the objects that are moved at all
+    move_share: float = 0.75
+    """Share of the rest points that differ from the one before; at others the object is still."""
+    shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
+    """Deviation of the translation between rest points, metres; the last one is vertical."""
+    turn_std: float = 0.8  # deviation of the rotation between rest points, radians on each axis
+    path_scale: float = 0.7  # factor on the sums of these steps: the object stays in an arm's reach
+    orientation_std: float = 2.0
+    """Deviation of the first orientation of an object without a table, radians on each axis."""
+    table_share: float = 0.6  # share of the clips with a table, where the hand has room above it
+    slide_share: float = 0.25  # of those, the share that is slid over the table and never lifted
+    table_directions: int = 16
+    """Directions in which an object is tried to stand, of which one that leaves room is taken."""
+    lift_height: float = 0.03
+    """Height at which an object is carried over the table, metres, in addition to its path."""
+    skin: float = 0.012  # distance from a keypoint to the skin around it, metres
+    joint_share: float = 0.8  # share of the objects with a joint whose joint moves
+    base_still_share: float = 0.7
+    """Of those held by the second part, the share whose first part stays: a drawer is pulled."""
+    touch: float = 0.02  # distance below which a keypoint counts as holding a part, metres
+    joint_states: int = 9
+    """States of the joint at which room for the hand is looked for; odd, the middle is at rest."""
+
+
+@dataclass(frozen=True)
+class Standing(Bundle):
+    """How B objects stand before they are lifted."""
+
+    upright: Float[Tensor, "B 3 3"]  # rotation from the object to the world, whose z axis points up
+    on_table: Bool[Tensor, " B"]
+
+
+def draw_standing(
+    joints: Float[Tensor, "B 21 3"],
+    surface: Float[Tensor, "B P 3"],
+    floating: Bool[Tensor, " B"],
+    config: ObjectMotionConfig,
+    draws: Draws,
+) -> Standing:
+    """Objects turned any way, or stood on a table so that the hand is above it.
+
+    Hands and surfaces are in the object's frame; `floating` objects have no table.
+    """
+    up = torch.nn.functional.normalize(draws.normal(config.table_directions, 3), dim=-1)
+    room = (joints @ up.mT).amin(1) - config.skin - (surface @ up.mT).amin(1)
+    side = torch.where(room > 0, draws.share(config.table_directions), -1.0).argmax(1)
+    clip = torch.arange(len(joints))
+    on_table = (room[clip, side] > 0) & draws.chance(config.table_share) & ~floating
+    around = 2 * math.pi * draws.share(1) * torch.eye(3)[2]
+    standing = axis_angle_to_matrix(around) @ shortest_turn(up[clip, side], torch.eye(3)[2])
+    orientation = config.orientation_std * draws.normal(3)
+    upright = torch.where(on_table[:, None, None], standing, axis_angle_to_matrix(orientation))
+    return Standing(upright, on_table)
+
+
+@dataclass(frozen=True)
+class HeldPart:
+    """Which part of B objects the hand holds, and how far their joints may move then."""
+
+    index: Int[Tensor, " B"]
+    travel: Float[Tensor, "B 2"]
+    """Range of the joint in which the other part does not meet the hand, as `Solids.travel`; zero
+    where the hand holds both parts."""
+
+
+def held_part(
+    solids: Solids, joints: Float[Tensor, "B 21 3"], config: ObjectMotionConfig
+) -> HeldPart:
+    """The part that more of the hand's keypoints touch, and the room of the other part."""
+    states = config.joint_states
+    parts = [solids.only(part) for part in range(2)]
+    near = torch.stack([part.signed_distance(joints) < config.touch for part in parts]).sum(-1)
+    held = (near[1] > near[0]).long()
+    state = torch.linspace(-1, 1, states)
+    low, high = solids.travel[:, :1], solids.travel[:, 1:]
+    turn, shift = solids.joint_pose(torch.where(state < 0, -state * low, state * high))
+    # where the hand is in the frame of the other part, when one of the two parts has moved
+    hand = joints[:, None].expand(-1, states, -1, -1)
+    second = ((hand - shift[:, :, None]) @ turn).flatten(1, 2)
+    first = (hand @ turn.mT + shift[:, :, None]).flatten(1, 2)
+    gap = torch.where(
+        (held == 0)[:, None], parts[1].signed_distance(second), parts[0].signed_distance(first)
+    )
+    room = gap.unflatten(1, (states, -1)).amin(-1) > config.skin
+    middle = states // 2
+    above = room[:, middle:].long().cumprod(1).sum(1) - 1
+    below = room[:, : middle + 1].flip(1).long().cumprod(1).sum(1) - 1
+    share = torch.stack([below, above], dim=1).clamp(min=0) / middle
+    holds_one = (near > 0).sum(0) == 1
+    return HeldPart(held, solids.travel * share * holds_one[:, None])
+
+
+def carried_path(
+    schedule: Schedule, standing: Standing, config: ObjectMotionConfig, draws: Draws
+) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
+    """Rotation and translation of the first part: at rest until it is lifted and once it is down.
+
+    From a table the object is lifted and put back upright, or slid over it.
+    """
+    rests = config.rest_points
+    moves = draws.chance(config.move_share, rests, 1) & draws.chance(config.carry_share, 1, 1)
+    shift = draws.normal(rests, 3) * torch.tensor(config.shift_std) * moves
+    shift = shift.cumsum(1) * config.path_scale
+    turn = (draws.normal(rests, 3) * config.turn_std * moves).cumsum(1) * config.path_scale
+
+    # (B, K): rest points on the table
+    down = draws.chance(config.slide_share, 1) | (torch.arange(rests) == rests - 1)
+    raised = shift[..., 2].abs() + config.lift_height * moves[..., 0]
+    above = torch.cat([shift[..., :2], torch.where(down, 0.0, raised)[..., None]], -1)
+    on_table = standing.on_table[:, None, None]
+    shift = torch.where(on_table, above, shift)
+    turn = torch.where(on_table & down[..., None], turn * torch.eye(3)[2], turn)
+
+    path = schedule.moves(torch.cat([shift, turn], dim=-1), draws)
+    translation, turn = path.split(3, -1)
+    return axis_angle_to_matrix(turn) @ standing.upright[:, None], translation
+
+
+def carry(
+    solids: Solids,
+    held: HeldPart,
+    standing: Standing,
+    schedule: Schedule,
+    pairs: HandPairs,
+    config: ObjectMotionConfig,
+    draws: Draws,
+) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
+    """Rotations and translations of both parts, object to world.
+
+    The object of a second hand moves as that of the first one in a mirror.
+    """
+    works = draws.chance(config.joint_share) & solids.jointed & ~pairs.shared
+    goals = draws.share(config.rest_points)
+    goals = torch.lerp(held.travel[:, :1], held.travel[:, 1:], goals) * works[:, None]
+    travelled = schedule.moves(goals[..., None], draws)[..., 0]
+    rotation, translation = carried_path(schedule, standing, config, draws)
+
+    still = draws.chance(config.base_still_share) & works & (held.index == 1)
+    still = still[:, None, None]
+    rotation = torch.where(still[..., None], rotation[:, :1], rotation)
+    translation = torch.where(still, translation[:, :1], translation)
+    second = pairs.second[:, None, None]
+    mirrored = mirror_rotations(rotation[pairs.leader])
+    rotation = torch.where(second[..., None], mirrored, rotation)
+    translation = torch.where(second, mirror_points(translation[pairs.leader]), translation)
+
+    return part_poses(Rigid(rotation, translation), Rigid(*solids.joint_pose(travelled)))

@@ -1,0 +1,1 @@
+"""Made and scanned objects as solids."""

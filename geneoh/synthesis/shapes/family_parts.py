@@ -1,0 +1,72 @@
+"""What families of objects are made of: solids and the joint of a second part, in plain numbers."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from geneoh.synthesis.shapes.solids import BOX, CYLINDER, FAR, TORUS
+
+Draw = Callable[[float, float], float]
+Vector = tuple[float, float, float]
+
+ORIGIN = (0.0, 0.0, 0.0)
+LYING, STANDING = (0.0, math.pi / 2, 0.0), (math.pi / 2, 0.0, 0.0)
+"""Axis-angles that bring z to x, for a lying handle, and z to -y, for a standing ring."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One solid of an object; `Solids` says what its numbers mean."""
+
+    kind: int
+    size: Vector
+    center: Vector = ORIGIN
+    turn: Vector = ORIGIN  # axis-angle, radians
+    rounding: float = 0.002
+    part: int = 0
+
+    @property
+    def bevel(self) -> float:
+        """The rounding that fits its size."""
+        return min(self.rounding, 0.95 * min(self.size))
+
+
+UNUSED = Shape(BOX, (0.01, 0.01, 0.01), (FAR, FAR, FAR), rounding=0.0)
+
+
+def rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> Shape:
+    """A cylinder along z."""
+    return Shape(CYLINDER, (radius, radius, half), center, **rest)
+
+
+def round_rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> Shape:
+    """A cylinder along z with round ends."""
+    return rod(radius, half, center, rounding=0.9 * radius, **rest)
+
+
+def torus(ring: float, tube: float, center: Vector = ORIGIN, **rest: Any) -> Shape:
+    """A ring about z."""
+    return Shape(TORUS, (ring, tube, 1.0), center, **rest)
+
+
+@dataclass(frozen=True)
+class PartJoint:
+    """What the second part of an object turns about or slides along, and how far either way."""
+
+    axis: Vector
+    travel: tuple[float, float]
+    pivot: Vector = ORIGIN
+    slides: bool = False
+
+
+RIGID = PartJoint((0.0, 0.0, 1.0), (0.0, 0.0))
+Drawn = list[Shape] | tuple[list[Shape], PartJoint]
+"""A rigid object, or one with a second part on a joint."""
+Family = Callable[[Draw], Drawn]
+"""Draws an object of a family, with sizes in metres by `u(low, high)`."""
+
+
+def named(*families: Family) -> dict[str, Family]:
+    """Families by the names of their functions."""
+    return {family.__name__.removeprefix("_"): family for family in families}

@@ -1,0 +1,77 @@
+"""Objects that people hold, as random `Solids`: of families such as mugs, and scanned ones."""
+
+import torch
+from torch import Tensor
+
+from geneoh.config import closest_name
+from geneoh.errors import ConfigError
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.shapes.family_parts import RIGID, UNUSED, Drawn, Family, Shape
+from geneoh.synthesis.shapes.jointed_families import JOINTED_FAMILIES
+from geneoh.synthesis.shapes.rigid_families import RIGID_FAMILIES
+from geneoh.synthesis.shapes.scans import Scans
+from geneoh.synthesis.shapes.solids import SCAN, SOLIDS, Solids
+
+SCALES = (0.9, 1.1)  # range of the sizes in which a scanned object is drawn, relative to its own
+_ORDER = """
+    box board cylinder capsule ellipsoid ring mug hammer bottle pan knife loop_tool cluster ball
+    coin phone pen carton bowl plate spoon brush screwdriver scissors pliers laptop chest drawer
+    kettle wine_glass mouse spray matchbox plunger
+"""
+"""The order of the families, which is part of all synthetic data."""
+FAMILIES: dict[str, Family] = {
+    name: (RIGID_FAMILIES | JOINTED_FAMILIES)[name] for name in _ORDER.split()
+}
+
+
+def family_named(name: str) -> Family:
+    """The function that draws an object of a family; `ConfigError` if there is none."""
+    if name not in FAMILIES:
+        raise ConfigError(f"'{name}' is no object family; {closest_name(name, FAMILIES)}")
+    return FAMILIES[name]
+
+
+def draw_objects(
+    families: list[str], *, generator: torch.Generator, scans: Scans | None = None
+) -> Solids:
+    """One random object per name of a family or a scan, centred near the origin of its own frame.
+
+    A scanned object is drawn a little larger or smaller than it is.
+    """
+    numbers = {} if scans is None else {name: SCAN + n for n, name in enumerate(scans.names)}
+
+    def uniform(low: float, high: float) -> float:
+        return low + (high - low) * float(torch.rand((), generator=generator))
+
+    drawn = [
+        [Shape(numbers[name], (size := uniform(*SCALES), size, size), rounding=0.0)]
+        if name in numbers
+        else family_named(name)(uniform)
+        for name in families
+    ]
+    return _solids_of(drawn, scans)
+
+
+def scanned_object(scans: Scans) -> Solids:
+    """The first scanned object as it is, in the frame at the middle of its bounding box."""
+    return _solids_of([[Shape(SCAN, (1.0, 1.0, 1.0), rounding=0.0)]], scans)
+
+
+def _solids_of(drawn: list[Drawn], scans: Scans | None) -> Solids:
+    """Objects of solids, and of a joint where they have one."""
+    pairs = [each if isinstance(each, tuple) else (each, RIGID) for each in drawn]
+    solids = [[*each, *[UNUSED] * (SOLIDS - len(each))] for each, _ in pairs]
+
+    def of_solids(name: str) -> Tensor:
+        return torch.tensor([[getattr(solid, name) for solid in each] for each in solids])
+
+    def of_joints(name: str) -> Tensor:
+        return torch.tensor([getattr(joint, name) for _, joint in pairs])
+
+    return Solids(
+        **{name: of_solids(name) for name in ("kind", "size", "center", "part")},
+        rounding=of_solids("bevel"),
+        rotation=axis_angle_to_matrix(of_solids("turn")),
+        **{name: of_joints(name) for name in ("axis", "pivot", "slides", "travel")},
+        scans=scans,
+    )

@@ -1,0 +1,53 @@
+import pytest
+import torch
+from draws import seeded
+from two_parts import HINGE, box_with_lid
+
+from geneoh.errors import ConfigError, InputError
+from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
+from geneoh.generators.text2hoi.physics.standing import stand_on_table
+from geneoh.geometry.joint import Joint
+
+
+def test_parts_as_one_mesh_keep_their_faces():
+    base, lid = box_with_lid()
+    one = joined((base, lid))
+    count = len(base.verts)
+    assert torch.equal(one.verts[count:], lid.verts)
+    assert torch.equal(one.faces[len(base.faces) :], lid.faces + count)
+    assert joined((base,)) is base
+
+
+def test_points_are_of_the_part_that_they_lie_on_and_the_joint_is_upright():
+    meshes = box_with_lid()
+    stood = stand_on_table(joined(meshes), "y", generator=seeded())
+    found, _ = JointedObject.of(meshes, stood, Joint.read(HINGE), closes=False)
+    height = (stood.points - stood.shift) @ stood.rotation
+    assert torch.equal(found.part > 0, height[:, 2] > 0.0702)
+    assert found.objects.motion[0, :2].tolist() == [1, 0]
+    assert torch.allclose(found.joint.axis, stood.rotation @ torch.tensor([-1.0, 0, 0]), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("count", "joint", "said"),
+    [
+        (3, None, "one mesh, or two for the parts of an object, got 3"),
+        (0, None, "got 0"),
+        (1, HINGE, "a joint is of an object of two parts, got one mesh"),
+        (2, "lid", "joint 'lid': expected hinge"),
+    ],
+)
+def test_meshes_and_joints_that_do_not_fit_are_refused(count, joint, said):
+    meshes = (box_with_lid()[0],) * count
+    with pytest.raises(InputError) as refused:
+        asked_joint(meshes, joint)
+    assert said in str(refused.value)
+
+
+def test_a_joint_may_be_a_text_or_a_joint_and_nothing_else():
+    meshes = box_with_lid()
+    assert str(asked_joint(meshes, HINGE)) == HINGE
+    assert asked_joint(meshes, Joint.read(HINGE)) is not None
+    assert asked_joint(meshes, None) is None
+    with pytest.raises(ConfigError, match="must be a text or a Joint, got int"):
+        asked_joint(meshes, 3)  # type: ignore[arg-type]

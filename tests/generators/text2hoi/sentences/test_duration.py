@@ -1,0 +1,71 @@
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.generators.text2hoi.sentences.duration import number_of, stated_length
+from geneoh.generators.text2hoi.sentences.prompt import read_prompt
+
+
+@pytest.mark.parametrize(
+    ("sentence", "rest", "frames"),
+    [
+        ("Lift the mug for two seconds", "Lift the mug", 60),
+        ("shake it for about 2.5 seconds with both hands", "shake it with both hands", 75),
+        ("lift the mug in 90 frames.", "lift the mug .", 90),
+        ("lift the mug for a second", "lift the mug", 30),
+        ("lift it for half a second", "lift it", 15),
+        ("pour for one and a half seconds", "pour", 45),
+        ("lift it for a couple of seconds", "lift it", 60),
+        ("a 3-second lift", "a lift", 90),
+        ("shake it 2s", "shake it", 60),
+        ("shake it for a minute", "shake it", 1800),
+        ("shake it for 1500 ms", "shake it", 45),
+        ("shake it for 1/2 second", "shake it", 15),
+        ("shake it for 1 1/2 seconds", "shake it", 45),
+        ("shake it for 500 milliseconds", "shake it", 15),
+    ],
+)
+def test_a_length_is_taken_out_of_the_sentence(sentence, rest, frames):
+    found, stated = stated_length(sentence)
+    assert (found, stated.frames) == (rest, frames)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "lift the second cup",
+        "lift a second cup with one hand",
+        "lift the mug after two seconds",
+        "turn it every second",
+        "lift the two mugs",
+        f"lift it for {'9' * 400} seconds",
+    ],
+)
+def test_other_times_and_numbers_are_no_length(sentence):
+    assert stated_length(sentence) == (sentence, None)
+
+
+def test_numbers_are_read_in_digits_and_words():
+    said = ("2,5", "twenty-five", "a hundred and twenty", "two hundred", "a quarter of a", "twelve")
+    assert [number_of(each) for each in said] == [2.5, 25, 120, 200, 0.25, 12]
+
+
+def test_a_stated_length_counts_unless_another_one_is_asked_for():
+    sentence = "lift the mug with the left hand for two seconds"
+    prompt = read_prompt(sentence)
+    assert (prompt.sentence, prompt.told) == (sentence, "lift the mug with the left hand")
+    assert prompt.frames == 60
+    assert prompt.notes == ("the length is 60 frames by 'for two seconds'",)
+    prompt = read_prompt(sentence.replace("two", "ten"), frames=50)
+    assert prompt.frames is None
+    assert prompt.notes[0].endswith("by 'for ten seconds', but 50 are asked for")
+
+
+@pytest.mark.parametrize("length", ["ten seconds", "0 seconds", "one frame", "151 frames"])
+def test_a_length_that_no_clip_has_is_refused(length):
+    with pytest.raises(InputError, match=rf"2 to 150 frames, .* found 'for {length}'"):
+        read_prompt(f"lift the mug for {length}")
+
+
+def test_two_lengths_are_refused():
+    with pytest.raises(InputError, match="one length, found 'for two seconds' and 'for 3 seconds'"):
+        stated_length("lift it for two seconds and hold it for 3 seconds")

@@ -1,0 +1,95 @@
+"""A video that was cut: no frame is mixed with those of another shot."""
+
+from dataclasses import replace
+from math import isnan, nan
+
+import pytest
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.metrics.report import InteractionReport, over_shots
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.examination.shots import common_shots, told_of
+from geneoh.pipeline.results import Denoised
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+CUT, FRAMES = 45, 90
+
+
+@pytest.fixture(scope="module")
+def video(noisy) -> Sequence:
+    """Two shots of the recording, with another place of the camera, at 60 frames a second."""
+    (hand,) = noisy.hands
+    assert hand.joints is not None
+    away = torch.tensor([0.6, 0.2, 0.0])
+    first, second = noisy[:CUT], noisy[90 : 90 + FRAMES - CUT]
+    joints = torch.cat([first.hands[0].joints, second.hands[0].joints + away])
+    moved = replace(second.object, translation=second.object.translation + away)
+    keys = HandTrack(hand.side, torch.ones(FRAMES, dtype=torch.bool), joints)
+    return Sequence((keys,), concatenated([first.object, moved]), 60.0, "video.npz")
+
+
+@pytest.fixture(scope="module")
+def result(video):
+    return denoise(video, preset="fast")
+
+
+def test_no_frame_is_mixed_across_a_cut(video, result):
+    (hand,) = result.sequence.hands
+    off = (hand.joints - video.hands[0].joints).norm(dim=-1).mean(-1)
+    assert off[CUT - 5 : CUT + 5].max() < 0.06  # 0.3 where the whole video is one track
+    assert any(f"before frame {CUT}" in words for words in result.doubts)
+    assert result.hands["left"].after.acceleration_mm < 20
+
+
+def test_all_shots_are_in_the_result(video, result):
+    hand = result.hands["left"]
+    shots = [denoise(video[:CUT], preset="fast"), denoise(video[CUT:], preset="fast")]
+    each = [shot.hands["left"] for shot in shots]
+    assert result.sequence.frames == len(hand.filled) == len(hand.evidence) == FRAMES
+    assert len(hand.contact) == len(result.examined.confidence) == FRAMES
+    assert hand.samples.shape[1] == sum(shot.samples.shape[1] for shot in each)
+    assert hand.windows == sum(shot.windows for shot in each)
+    assert hand.after.frames == sum(shot.after.frames for shot in each)
+    # each shot has a shape of its own where it is cleaned alone
+    alone = torch.cat([shot.sequence.hands[0].joints for shot in shots])
+    assert (alone - result.sequence.hands[0].joints).norm(dim=-1).mean() < 0.003
+
+
+def test_the_form_of_the_paper_keeps_one_shape_and_tells_of_cuts(video, monkeypatch):
+    def as_given(sequence, options, _):
+        return Denoised(sequence, {}, (), options)
+
+    monkeypatch.setattr("geneoh.pipeline.denoise.clean_interaction", as_given)
+    result = denoise(video, preset="paper")
+    assert result.sequence == video
+    assert any("clean each shot by itself" in words for words in result.doubts)
+
+
+def test_a_hand_is_in_every_shot_and_other_cuts_are_told(video):
+    shots = [slice(0, CUT), slice(CUT, FRAMES)]
+    assert common_shots(video) == shots
+    (hand,) = video.hands
+    late = torch.arange(FRAMES) >= CUT
+    other = replace(video, hands=(hand, replace(hand.mirrored(), valid=late)))
+    lost = replace(video, object=replace(video.object, valid=late[:, None]))
+    for given in (other, lost):
+        assert common_shots(given) == [slice(0, FRAMES)]
+        (words,) = told_of(given, common_shots(given))
+        assert f"before frame {CUT}, as at a cut of the video: frames beside it may be" in words
+    # lost behind the cut it comes back as if it were cut later
+    found = (torch.arange(FRAMES) < CUT) | (torch.arange(FRAMES) >= CUT + 2)
+    other = replace(video, hands=(hand, replace(hand.mirrored(), valid=found)))
+    assert common_shots(other) == shots
+    (words,) = told_of(other, shots)
+    assert words.endswith("each shot is cleaned by itself")
+
+
+def test_reports_of_shots_are_means_over_their_frames():
+    one = InteractionReport(30, 1.0, 4.0, 0.5, 2.0, 3.0, nan, 0.0)
+    other = InteractionReport(10, 5.0, nan, 0.0, nan, 7.0, nan, 1.0)
+    whole = over_shots([one, other])
+    assert (whole.frames, whole.penetration_mean_mm, whole.penetration_max_mm) == (40, 2.0, 4.0)
+    assert (whole.contact_fraction, whole.fingers_in_contact) == (0.375, 2.0)
+    assert (whole.acceleration_mm, whole.through_fraction) == (4.0, 0.25)
+    assert isnan(whole.consistency_mm2)
