@@ -26,6 +26,14 @@ def test_a_plausible_sequence_passes():
     check_sequence(replace(GOOD, hands=(HAND, replace(HAND, side="left"))))
 
 
+def test_angles_of_several_turns_in_a_few_frames_are_no_degrees():
+    """A tracker failed there; such files were refused with the advice to convert degrees."""
+    assert HAND.pose is not None
+    pose = HAND.pose.clone()
+    pose[0] = 30.0
+    check_sequence(replace(GOOD, hands=(replace(HAND, pose=pose),)))
+
+
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
