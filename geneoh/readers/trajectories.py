@@ -17,7 +17,7 @@ import numpy as np
 
 from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of, unreadable
-from geneoh.geometry.mesh import METRES
+from geneoh.readers import bop
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
 from geneoh.readers.column_names import (
     Coordinate,
@@ -26,7 +26,7 @@ from geneoh.readers.column_names import (
     plain_name,
 )
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text
-from geneoh.readers.records import FRAME_LIMIT, Array, as_record
+from geneoh.readers.records import FRAME_LIMIT, Array
 from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
 
 PICKLES = (".pkl", ".pickle", ".p")
@@ -101,6 +101,8 @@ def table_in_text(path: Path) -> Table:
     """The rows of a text; lines of words in front of them may name the columns."""
     lines = [line.strip() for line in read_text(path).lstrip("\ufeff").splitlines()]
     lines = [line for line in lines if line]
+    if lines and bop.are_results(lines[0]):
+        return Table(path, list(bop.FIELDS), bop.rows_of_results(lines, path))
     start = next((at for at, line in enumerate(lines) if is_of_numbers(line)), len(lines))
     data = [line for line in lines[start:] if line[0] not in "#%"]
     if not data:
@@ -155,27 +157,11 @@ def table_in_json(value: Any, path: Path) -> Table:
         beside = {name: each for name, each in beside.items() if name in CLOCK_NAMES}
     if not isinstance(value, list) or not value:
         raise InputError(f"{path}: expected a list of poses, got none; {TO_NAME}")
-    rows = [dict(flat_fields(of_bop(each, path), path)) for each in value]
+    rows = [dict(flat_fields(bop.pose_of_image(each, path), path)) for each in value]
     for name, numbers in beside.items():
         rows = [{**row, name: n} for row, n in zip(rows, numbers, strict=True)]
     names = list(dict.fromkeys(chain.from_iterable(rows)))
     return Table(path, names, np.array([[row.get(n, np.nan) for n in names] for row in rows]))
-
-
-def of_bop(value: Any, path: Path) -> Any:
-    """The pose of the one object in an image of BOP's `scene_gt.json`, millimetres there, in metres
-    as `R` and `t`; any other value as it is."""
-    objects = value if isinstance(value, list) else []
-    if not any(isinstance(each, dict) and "cam_R_m2c" in each for each in objects):
-        return value
-    if len(objects) > 1:
-        raise InputError(
-            f"{path}: expected the poses of one object, got {len(objects)} in an image; keep those "
-            "of one 'obj_id'"
-        )
-    record = as_record(objects[0], str(path))
-    place = METRES["mm"] * record.array("cam_t_m2c", (3,))
-    return {"R": record.array("cam_R_m2c", (9,)).tolist(), "t": place.tolist()}
 
 
 def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, float]]:

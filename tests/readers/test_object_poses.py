@@ -277,3 +277,31 @@ def test_poses_of_one_object_as_bop_has_them_are_read_in_metres(tmp_path):
     path.write_text(json.dumps(images))
     with pytest.raises(InputError, match="poses of one object, got 2 in an image; keep those of"):
         read_poses(path)
+
+
+def test_results_of_bop_are_read_in_metres_and_the_best_of_an_image_counts(tmp_path):
+    def row(frame, pose, score=0.5, number=3):
+        turn, place = (" ".join(map(str, each)) for each in (pose[:3, :3].ravel(), pose[:3, 3]))
+        return f"48,{frame},{number},{score},{turn},{place},-1"
+
+    in_mm = POSES * np.array([1, 1, 1, 1000.0])
+    rows = [row(frame, in_mm[frame]) for frame in range(FRAMES) if frame != 4]
+    rows = [row(6, in_mm[0], score=0.1), *reversed(rows), row(7, in_mm[0], score=0.4)]
+    path = tmp_path / "tracked_ycbv-test.csv"
+    heading = "scene_id,im_id,obj_id,score,R,t,time"
+    path.write_text("\n".join([heading, *rows]))
+    found = read_poses(path).matrices
+    assert np.isnan(found[4]).all()
+    np.testing.assert_allclose(np.delete(found, 4, 0), np.delete(POSES, 4, 0), atol=1e-9)
+    for more, words in [
+        (row(9, in_mm[0], number=5), "poses of one object, got 2 by 'scene_id' and 'obj_id'"),
+        (
+            "48,99,3,0.5,1 0 0,0 0 0,-1",
+            "9 and 3 numbers with spaces between them, got '99', 3 and",
+        ),
+        ("48,99,3", "got '99', 0 and 0; correct the table"),
+        (row("x", in_mm[0]), "got 'x', 9 and 3"),
+    ]:
+        path.write_text("\n".join([heading, *rows, more]))
+        with pytest.raises(InputError, match=re.escape(words)):
+            read_poses(path)
