@@ -4,7 +4,8 @@ A frame lists its hands, has them by their sides, or is one hand; null, [] and {
 is its points, or a dict that has them beside a side and a score. Points have names, those of
 TensorFlow.js, OpenXR, ARKit and the like, or stand in a list in a known order. So are the results
 of hand-pose-detection (TensorFlow.js), of OpenPose in 3D, of MMPose, and what programs write for
-themselves. What else is there is passed over.
+themselves; those of the Leap Motion service are in `geneoh.readers.keypoints.leap`. What else is
+there is passed over.
 """
 
 from collections import Counter
@@ -16,6 +17,7 @@ import numpy as np
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.readers.column_names import side_in, words_of
+from geneoh.readers.keypoints.leap import hands_of_leap, is_leap
 from geneoh.readers.keypoints.mediapipe import (
     NOTES,
     WORLD,
@@ -72,18 +74,21 @@ def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> 
     for track in tracks.values():
         refuse_image_landmarks(track.points, where)
     centred = NOTES if reader.centred else ()
-    return Landmarks(tracks, (*centred, *notes), stamps_in(value, frames, where))
+    stamps = stamps_in(value, frames, where)
+    return Landmarks(tracks, (*centred, *notes), stamps, unit="mm" if reader.leap else "m")
 
 
 class _Frames:
     """Reads the frames of one file."""
 
     def __init__(self, side: Side | None, numbering: Numbering) -> None:
-        self.numbering, self.centred = numbering, False
+        self.numbering, self.centred, self.leap = numbering, False, False
         self._side: Side | None = side
 
     def hands(self, frame: Any, where: str) -> list[Detected]:
         """The hands of one frame, of which only MediaPipe may give two of one side."""
+        if is_leap(frame):
+            self.leap, frame = True, list(hands_of_leap(frame))
         hands = list(self._hands(frame, where, None, 1.0))
         count = Counter(hand.side for hand in hands)
         side, most = count.most_common(1)[0] if count else (None, 0)

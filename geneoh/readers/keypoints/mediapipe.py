@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from geneoh.choices import OTHER_SIDE, SIDES, Side
+from geneoh.choices import OTHER_SIDE, SIDES, Side, Unit
 from geneoh.errors import InputError, numbered
 from geneoh.readers.checks.hands import of_picture
 from geneoh.readers.clock import CLOCK_NAMES
@@ -78,6 +78,8 @@ class Landmarks:
     """Number that the file gives its first frame."""
     camera: Array | None = None
     """(3,) where the file says it is."""
+    unit: Unit = "m"
+    """Of the points, where the caller says none."""
 
 
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:

@@ -60,7 +60,7 @@ def _clips(found: Iterable[Path], path: Path) -> Iterable[Path]:
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     found = read_landmarks(clip.path, options.side, options.joint_order)
-    scale = METRES[options.keypoint_unit or "m"]
+    scale = METRES[options.keypoint_unit or found.unit]
     hands, notes = [], list(found.notes)
     for side, track in found.tracks.items():
         assert side is not None, "with_sides gives each hand a side"

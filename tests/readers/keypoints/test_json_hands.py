@@ -261,3 +261,42 @@ def test_what_holds_no_hand_is_refused(read):
     ):
         with pytest.raises(InputError, match=r"expected hands, .* without any; see the page"):
             read(value, side="right")
+
+
+def leap(points, number=0, side="right"):
+    """A frame of the Leap Motion service, of which a hand in front of a sensor has millimetres."""
+    places = (1000 * points).tolist()
+    joints = ["mcpPosition", "pipPosition", "dipPosition", "btipPosition"]
+    fingers = [
+        {"handId": 7, "type": f, **dict(zip(joints, places[1 + 4 * f : 5 + 4 * f], strict=True))}
+        for f in range(5)
+    ]
+    hand = {"id": 7, "type": side, "wrist": places[0], "palmPosition": [0.0, 200.0, 0.0]}
+    hand |= {"confidence": 0.75, "timeVisible": 1.5}
+    stamp = 10**9 + 8700 * number
+    others = [{"handId": 9, "type": 0, "mcpPosition": [0.0, 0.0, 0.0]}]
+    return {"timestamp": stamp, "hands": [hand], "pointables": [*reversed(fingers), *others]}
+
+
+def test_frames_of_leap_motion_are_read_in_metres_and_microseconds(read):
+    frames = [leap(points, k) for k, points in enumerate(POINTS)]
+    hand = read(frames).hands[0]
+    assert hand.side == "right"
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+    assert float(hand.trust.max()) == 0.75
+    assert read(frames).fps == pytest.approx(1e6 / 8700, rel=0.02)
+    said = read({"frames": frames}, keypoint_unit="mm").hands[0].joints
+    np.testing.assert_allclose(said, POINTS, atol=1e-6)
+
+
+def test_frames_of_leap_motion_may_lack_the_wrist_a_finger_or_a_hand(read):
+    frames = [leap(points, k, "left") for k, points in enumerate(POINTS)]
+    del frames[0]["hands"][0]["wrist"]
+    del frames[1]["pointables"][1]
+    frames[2] |= {"hands": [], "pointables": []}
+    hand = read(frames).hands[0]
+    assert hand.side == "left"
+    assert hand.observed.tolist() == [True, True, False, True]
+    trust = hand.trust
+    assert (trust[0] > 0).tolist() == [False] + [True] * 20
+    assert (trust[1] > 0).tolist() == [True] * 13 + [False] * 4 + [True] * 4

@@ -1,0 +1,45 @@
+"""Frames of the Leap Motion (Ultraleap) service, as its WebSocket and leapjs give them.
+
+A frame has its `hands`, each with an `id`, a side (`type`) and the place of the `wrist`, and its
+`pointables`: fingers, each with the `handId` of its hand, its number (`type`, 0 of the thumb to 4)
+and the places of its joints. Millimetres, and microseconds in `timestamp`. Source: the protocol's
+description, version 6; earlier ones lack the wrist.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+JOINTS = ("mcpPosition", "pipPosition", "dipPosition", "btipPosition")
+"""Where a finger has its joints, from the palm to the tip. The thumb has no metacarpal there: its
+first joint is the one at the wrist."""
+SEGMENTS = ("proximal", "intermediate", "distal", "tip")
+OF_THUMB = ("metacarpal", "proximal", "distal", "tip")
+"""OpenXR's names of these joints."""
+
+
+def is_leap(frame: Any) -> bool:
+    """Whether a value is a frame of the service."""
+    return isinstance(frame, dict) and all(
+        isinstance(frame.get(name), list) for name in ("hands", "pointables")
+    )
+
+
+def hands_of_leap(frame: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The hands of a frame, each with its points by their names, millimetres."""
+    fingers = [each for each in frame["pointables"] if isinstance(each, dict)]
+    for hand in frame["hands"]:
+        if not isinstance(hand, dict):
+            continue
+        points = {"wrist": hand.get("wrist")}
+        for finger in fingers:
+            number = finger.get("type")
+            if finger.get("handId") != hand.get("id") or number not in range(len(FINGERS)):
+                continue
+            for joint, segment in zip(JOINTS, SEGMENTS if number else OF_THUMB, strict=True):
+                points[f"{FINGERS[number]}_{segment}"] = finger.get(joint)
+        yield {
+            "side": hand.get("type"),
+            "confidence": hand.get("confidence"),
+            "points": {name: place for name, place in points.items() if place is not None},
+        }
