@@ -195,3 +195,6 @@ def test_every_folder_and_module_of_the_library_is_in_the_tree():
     names = {f"{path.parent.name}/" for path in library.glob("*/__init__.py")}
     names |= {path.name for path in library.glob("*.py")}
     assert {name for name in names if f"\n  {name} " not in page} == set()
+    inner = {path.parent.relative_to(library) for path in library.glob("*/*/**/__init__.py")}
+    lacking = {path for path in inner if f"\n{'  ' * len(path.parts)}{path.name}/ " not in page}
+    assert lacking == set(), "the folders in folders stand there further to the right"
