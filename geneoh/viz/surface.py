@@ -6,7 +6,6 @@ import torch
 from jaxtyping import Float, Int
 
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.interrupts import interrupts_wait
 
 with interrupts_wait():
@@ -25,9 +24,17 @@ def vertex_normals(
 
 
 def with_sharp_edges(mesh: Mesh) -> Mesh:
-    """The same surface with its vertices doubled along sharp edges, so that they are lit apart."""
+    """The same surface with its vertices doubled along sharp edges, so that they are lit apart.
+
+    Each part whose faces meet at no sharp edge gets vertices of its own. trimesh's `smooth_shade`
+    does the same, and takes ten times as long on a noisy scan of 300,000 faces.
+    """
     whole = trimesh.Trimesh(mesh.verts.numpy(), mesh.faces.numpy(), process=False)
-    return from_trimesh(trimesh.graph.smooth_shade(whole, angle=SHARP_ANGLE))
+    smooth = whole.face_adjacency[whole.face_adjacency_angles <= SHARP_ANGLE]
+    part = trimesh.graph.connected_component_labels(smooth, node_count=len(whole.faces))
+    count = len(mesh.verts)
+    kept, faces = np.unique(part[:, None] * count + whole.faces, return_inverse=True)
+    return Mesh(mesh.verts[torch.from_numpy(kept % count)], torch.from_numpy(faces).view(-1, 3))
 
 
 def coarser(mesh: Mesh, most: int) -> Mesh:
