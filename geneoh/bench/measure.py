@@ -181,8 +181,8 @@ def say(held: Any) -> None:
     sys.stdout.flush()
 
 
-def main() -> None:
-    """Measure the point in the first argument."""
+def answer(find: Callable[[dict[str, Any], Tell], Found]) -> None:
+    """Print what is found at the point in the first argument, and progress before it."""
     import torch
 
     point = json.loads(sys.argv[1])
@@ -191,13 +191,13 @@ def main() -> None:
     def tell(*now: Any) -> None:
         say(now)
 
-    if point["networks"] == "paper":
-        from geneoh.bench.paper import measured_networks
+    say(find(point, tell))
 
-        say(measured_networks(point["device"], tell))
-    else:
-        say((many_clips if point["clips"] > 1 else middle_run)(point, tell))
+
+def cleaned(point: dict[str, Any], tell: Tell) -> Found:
+    """What it takes to clean the clip or the clips of a point."""
+    return (many_clips if point["clips"] > 1 else middle_run)(point, tell)
 
 
 if __name__ == "__main__":
-    main()
+    answer(cleaned)

@@ -6,6 +6,8 @@ the noise level added in between. TemporalDiff was not released: the paper gives
 PointNet (32, 64, 128, 256, three layers each) and of its transformer (256); that its autoencoder
 and the denoiser of its latent are as deep as the others' trunks is assumed here. Neither the
 optimisation of the keypoints after TemporalDiff nor the hand fit is in these times.
+
+`geneoh.bench.run` runs this file in a process of its own, as it does `geneoh.bench.measure`.
 """
 
 from collections.abc import Callable
@@ -16,7 +18,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.bench.measure import ZERO, Found, Tell, now, took
+from geneoh.bench.measure import ZERO, Found, Tell, answer, now, took
 from geneoh.nn.blocks import fourier, mlp
 
 FRAMES, POINTS = 60, 2000  # frames of the paper's window, and contact points of its inference
@@ -133,3 +135,7 @@ def times(work: Callable[[], Any], device: str) -> dict[str, float]:
         work()
         spent.append(took(before, now(device)))
     return {name: median(each[name] for each in spent) for name in ("seconds", "processor")}
+
+
+if __name__ == "__main__":
+    answer(lambda point, tell: measured_networks(point["device"], tell))

@@ -153,7 +153,9 @@ def records_in(path: Path, environment: dict[str, Any]) -> list[dict[str, Any]]:
 
 def measured_apart(point: Point, tree: Path | None, tell: Tell) -> Found:
     """What a new process finds at a point; its lines but the last one tell progress."""
-    command = [sys.executable, measure.__file__, json.dumps(asdict(point))]
+    program = Path(measure.__file__)
+    program = program.with_name("paper.py") if point.networks == "paper" else program
+    command = [sys.executable, str(program), json.dumps(asdict(point))]
     with tempfile.TemporaryDirectory() as folder, open(Path(folder, "said"), "w+") as said:
         environment = {**os.environ, "OMP_NUM_THREADS": str(point.threads), "TMPDIR": folder}
         if tree is not None:

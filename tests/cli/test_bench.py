@@ -25,7 +25,8 @@ print(json.dumps(found))
 @pytest.fixture
 def faked(tmp_path, monkeypatch):
     """Have all points measured at once, with the same figures."""
-    (tmp_path / "measure.py").write_text(PROCESS)
+    for program in ("measure.py", "paper.py"):
+        (tmp_path / program).write_text(PROCESS)
     monkeypatch.setattr(measure, "__file__", str(tmp_path / "measure.py"))
 
 
