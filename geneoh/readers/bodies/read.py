@@ -13,8 +13,8 @@ from geneoh.readers import foreign_files
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.bvh import read_bvh
 from geneoh.readers.bodies.smpl import OFFSETS, read_smpl
-from geneoh.readers.meshes import find_meshes
 from geneoh.readers.npz.files import with_callers
+from geneoh.readers.npz.meshes import find_meshes
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.object_poses import poses_of
 from geneoh.readers.records import Record

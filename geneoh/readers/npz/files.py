@@ -19,10 +19,11 @@ from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
-from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
+from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz import layouts
 from geneoh.readers.npz.hands import read_hands
 from geneoh.readers.npz.layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
+from geneoh.readers.npz.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
 from geneoh.readers.places import Place, place_of

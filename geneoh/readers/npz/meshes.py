@@ -1,0 +1,67 @@
+"""Meshes of a sequence as its npz names them: paths, and hashes by which they are known again."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from geneoh.errors import InputError
+from geneoh.files.npz import Arrays
+from geneoh.geometry.mesh import METRES, Mesh
+from geneoh.geometry.mesh_files import load_mesh
+from geneoh.readers.npz.layouts import MESH_FIELDS
+from geneoh.readers.records import Record
+
+FILES, HASHES = MESH_FIELDS
+IN_NO_FILE = "the object's mesh was made in memory, and no file is known that holds it"
+"""What is said of a sequence that has hashes of its meshes alone."""
+
+
+def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
+    """SHA-256 of meshes' contents, and the paths from a folder where all of them are in files."""
+    if not meshes:
+        return {}
+    arrays = {HASHES: np.array([mesh.sha256 for mesh in meshes])}
+    sources = [mesh.source for mesh in meshes if mesh.source is not None]
+    if len(sources) == len(meshes):
+        arrays[FILES] = np.array([_seen_from(folder, source) for source in sources])
+    return arrays
+
+
+def _seen_from(folder: Path, file: Path) -> str:
+    """The path from a folder to a file, so that both can be moved together."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # another drive of Windows
+        return str(file.absolute())
+
+
+def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
+    """The meshes that a file names, if all are there and as they were; else none, and why."""
+    if FILES not in record:
+        return (), IN_NO_FILE if HASHES in record else ""
+    names = record.texts(FILES)
+    hashes = record.texts(HASHES) if HASHES in record else []
+    meshes: list[Mesh] = []
+    for index, name in enumerate(names):
+        path = folder / name
+        if not path.is_file():
+            return (), f"the object's mesh {name} is not there any more"
+        try:
+            same = known_mesh(path, hashes[index : index + 1] if hashes else None)
+        except InputError as error:
+            return (), f"the object's mesh cannot be used: {error}"
+        if same is None:
+            return (), f"the object's mesh {name} is another one than it was"
+        meshes.append(same)
+    return tuple(meshes), ""
+
+
+def known_mesh(path: Path, hashes: list[str] | None) -> Mesh | None:
+    """The mesh or part of a file with one of some hashes, in any unit; without, all in metres."""
+    for unit in reversed(METRES):  # metres first
+        whole = load_mesh(path, unit)
+        for mesh in (whole, *whole.parts):
+            if hashes is None or mesh.sha256 in hashes:
+                return mesh
+    return None
