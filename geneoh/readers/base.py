@@ -117,7 +117,8 @@ class ManoParameters:
 
 @dataclass(frozen=True)
 class CrossChecks(Bundle):
-    """What a source states twice, in the frame of the sequence, metres; for `convention_check`."""
+    """What a source states twice, in the frame of the sequence, metres: `convert --check` compares
+    it (`geneoh.readers.checks.convention`)."""
 
     joints: dict[Side, Shaped[Array, "T 21 3"]] = field(default_factory=dict)
     """Stored keypoints in OpenPose order, NaN where there are none."""

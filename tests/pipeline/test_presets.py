@@ -57,8 +57,8 @@ def test_without_the_canonical_frame_the_rest_stays():
     assert replace(less, canonical=True) == preset("default")
 
 
-# The recording has an exact object and no camera: see `test_noisy_object` and `test_camera`. So few
-# frames say nothing of sliding: see `test_stage_spatial`.
+# The recording has an exact object and no camera: see `test_noisy_object.py` and `test_camera.py`.
+# So few frames say nothing of sliding: see `stages/test_spatial.py`.
 ELSEWHERE = ("object", "camera", "told-camera", "sliding")
 
 

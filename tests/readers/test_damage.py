@@ -16,10 +16,10 @@ from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
 
 TRIALS = 25
-"""Damaged files of each tree, 600 in all; tests/pickles adds 1,800 below the adapters."""
+"""Damaged files of each tree, 700 in all; `tests/files/test_damage.py` adds 1,800 below readers."""
 
 CHANGES = 8
-"""Decoded files of each tree that are changed, 200 in all: nothing catches our own errors."""
+"""Decoded files of each tree that are changed, 224 in all: nothing catches our own errors."""
 
 
 @pytest.mark.filterwarnings("ignore")  # numbers out of range warn before they are refused
