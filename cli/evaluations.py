@@ -36,7 +36,7 @@ eval_options = options.together(
         "--generator: Score what this generator makes of sentences, instead of methods of "
         "cleaning, on the held-out clips of shards in --root that `geneoh synthesize --actions` "
         "(text2hoi) or --bodies (both2hands) made; text2hoi also on h2o, grab and arctic. "
-        "--refine, --limit, --seed, --mano, --weights, --set and -o go with it.",
+        "--root, --refine, --limit, --seed, --mano, --weights, --set, --jobs and -o go with it.",
         Choice(GENERATORS),
     ),
     option(
@@ -96,7 +96,8 @@ eval_options = options.together(
         metavar="NAME=VALUE",
     ),
     option(
-        "-o --output folder: Folder for the scores and the report.  [default: runs/eval/DATASET]",
+        "-o --output folder: Folder for the scores and the report.  [default: runs/eval/DATASET, "
+        "with a generator runs/eval/GENERATOR-DATASET]",
         FOLDER,
     ),
     options.jobs,

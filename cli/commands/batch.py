@@ -41,11 +41,12 @@ def batch(
 ) -> None:
     """Clean many clips, each into an npz of its name in the folder --out.
 
-    INPUTS are npz files, folders of them, patterns such as 'data/*/*.npz', or manifests: CSV files
-    with the columns input, name, meshes, source and options, of which only input is needed. A clip
-    that fails is told and stops no other. Started again with the same folder, the command does what
-    is left. It keeps journal.jsonl, and at the end writes summary.csv and summary.html, with what
-    changed most first. Exit code 2 says that some clips failed.
+    INPUTS are files that `geneoh denoise` reads, folders of npz files, patterns such as
+    'data/*/*.npz', or manifests: CSV files with the columns input, name, meshes, source and
+    options, of which only input is needed. A clip that fails is told and stops no other. Started
+    again with the same folder, the command does what is left. It keeps journal.jsonl, and at the
+    end writes summary.csv and summary.html, with what changed most first. Exit code 2 says that
+    some clips failed.
     """
     from geneoh.batch.cleaning import BatchOptions
     from geneoh.batch.clips import find_batch_clips

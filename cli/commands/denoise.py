@@ -41,10 +41,11 @@ def denoise(
     """Clean the hand-object interaction in NOISY.
 
     NOISY is an npz file in any layout that geneoh reads (its own, smplx names, TACO names, bare
-    joints), with the pose of the object in each frame. Without a mesh the hand is cleaned by the
-    prior of hand motion alone. The clean sequence is written beside it,
-    with `_clean` added to the name, unless -o names another file. The command prints what it read,
-    the time of each stage, and penetration, contact and acceleration before and after.
+    joints), or keypoints as npy, JSON or CSV. The pose of the object in each frame is in it or in
+    --object-pose. Without a mesh the hand is cleaned by the prior of hand motion alone. The clean
+    sequence is written beside it, with `_clean` added to the name, unless -o names another file.
+    The command prints what it read, the time of each stage, and penetration, contact and
+    acceleration before and after.
 
     With --stream there is no NOISY: a tracker is piped through, frame by frame.
     """

@@ -87,9 +87,9 @@ def generate(
     """Make hands that do what SENTENCE says, with an object (--obj) or on a body (--body).
 
     With --obj, such as "lift the mug with the left hand": writes hands, the poses of the object,
-    `contact`, the probability that each vertex of the mesh is touched, and `prompt`. Known verbs:
-    lift, put down, carry, slide, rotate, pour, tilt, shake, inspect, press, pass, and with the
-    parts of an object open and close; sentences with others are taken for the nearest one.
+    `contact`, the probability that each vertex of the mesh is touched, `prompt` and `verb`. Known
+    verbs: lift, put down, carry, slide, rotate, pour, tilt, shake, inspect, press, pass, and with
+    the parts of an object open and close; sentences with others are taken for the nearest one.
 
     With --body, such as "the right hand waves, the left rests": writes both hands of the body, and
     the body with its fingers under smplx names. An object that the body's file holds, or --obj with

@@ -97,7 +97,7 @@ class Stream:
             side: of the hand.
             betas: (10,) shape of the hand, of the model `hand_model`; without them it is estimated
                 from the first two seconds.
-            hand_model: whose betas they are, "embedded" or "mano".
+            hand_model: whose betas they are, "embedded", "mano" or "mano-as-shipped".
             source: what messages call the stream.
             settings: fields of `Options`; by default preset="fast" and samples=2.
 

@@ -1,7 +1,7 @@
 """Which joint of a BVH is which joint of the body: by the names that common programs give.
 
 Mixamo, MotionBuilder, CMU, Blender (Rigify), Biped, DAZ, Xsens, Rokoko, mocopi, VRoid, Character
-Creator and SMPL.
+Creator, Unreal and SMPL.
 """
 
 import re

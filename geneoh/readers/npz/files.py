@@ -75,8 +75,8 @@ def load(
     It also says what had to be assumed, which is logged as a warning as well.
 
     Args:
-        path: the npz of the sequence, which is never unpickled, a npy of keypoints, or MediaPipe's
-            landmarks as JSON or CSV.
+        path: the npz of the sequence, which is never unpickled, a npy of keypoints, or landmarks
+            as JSON or CSV.
         obj: the object's mesh or its file, or one per rigid part. Without it those that the file
             itself names, where they are still there and hold what they held; the source of the
             sequence says so where they do not.
