@@ -1,8 +1,10 @@
 """Generalised contact points and the canonical frame they carry (paper 3.1).
 
 The contact points are object surface points close to the hand's whole trajectory; their pose (R_k,
-t_k) is the orientation of the object's first part and the centre of the points in frame k. Column
-vectors throughout: p_canon = R_k^T (p_world - t_k), the transpose of the paper's row notation.
+t_k) is the orientation of the object's first part and the centre of the points in frame k. The
+pipeline gives the part that the hand is at for longest as the first one
+(`geneoh.objects.carrying`). Column vectors throughout: p_canon = R_k^T (p_world - t_k), the
+transpose of the paper's row notation.
 """
 
 from dataclasses import dataclass
