@@ -1,1 +1,1 @@
-"""Tables of docs/objects.md: what noisy objects do to hands, and how well objects are cleaned."""
+"""Tables of docs/objects.md and docs/objects_measured.md: hands and objects under noisy poses."""
