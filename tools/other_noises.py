@@ -6,6 +6,7 @@ and of geneoh, and the share of clips in which geneoh is farther off than the be
 """
 
 import argparse
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -134,6 +135,27 @@ def plateaus(hand: HandTrack, generator: torch.Generator) -> HandTrack:
     return with_light_noise(hand, error[which], generator)
 
 
+def lasting(frames: float) -> Error:
+    """Errors of which a share exp(-1 / frames) is left from one frame to the next, as those of
+    networks that look at several frames."""
+
+    def noisy(hand: HandTrack, generator: torch.Generator) -> HandTrack:
+        share = math.exp(-1 / frames)
+        error = offsets(hand, 0.012, 0.06, 0.2, generator)
+        for t in range(1, hand.frames):
+            error[t] = share * error[t - 1] + math.sqrt(1 - share**2) * error[t]
+        return perturbed(hand, error, hand.valid)
+
+    return noisy
+
+
+def swaying(hand: HandTrack, generator: torch.Generator) -> HandTrack:
+    """Each parameter sways four times a second, at 30 frames a second, beside light noise."""
+    size = math.sqrt(2) * offsets(hand, 0.012, 0.06, 0.2, generator)[0]
+    turns = torch.rand(51, generator=generator) + 4 / 30 * torch.arange(hand.frames)[:, None]
+    return with_light_noise(hand, size * torch.sin(2 * math.pi * turns), generator)
+
+
 def filtered_with_lag(hand: HandTrack, generator: torch.Generator) -> HandTrack:
     """The place jitters by 8 mm, and was filtered by a moving mean that comes late."""
     assert hand.joints is not None
@@ -179,6 +201,9 @@ ERRORS: dict[str, Error] = {
     "every keypoint by itself, 10 mm": independent_keypoints,
     "every third frame": every_third_frame,
     "plateaus of 6 to 30 frames": plateaus,
+    "alike for 4 frames": lasting(4),
+    "alike for 15 frames": lasting(15),
+    "swaying 4 times a second": swaying,
     "a second lost": a_second_lost,
     "a frame late": a_frame_late,
     "place filtered with a lag": filtered_with_lag,
