@@ -148,7 +148,10 @@ def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[
     refuse_unused(source, options)
     recordings = source.reader().read(clip, options)
     refuse_betas(recordings, clip)
-    return [with_choices(without_idle_hand(recording), clip, options) for recording in recordings]
+    found = [without_idle_hand(recording) for recording in recordings]
+    # of a clip with a recording for each hand, the side chooses; without any it is refused below
+    asked = [recording for recording in found if options.side in sides_of(recording)]
+    return [with_choices(recording, clip, options) for recording in asked or found]
 
 
 def refuse_unused(source: Source, options: ReaderOptions) -> None:

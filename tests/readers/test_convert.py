@@ -184,6 +184,21 @@ def test_of_two_hands_the_asked_one_is_read(tmp_path, mano_dir):
         )
 
 
+def test_of_a_clip_with_a_recording_for_each_hand_the_asked_one_is_read(tmp_path, mano_dir):
+    trees.taco(tmp_path, scene(), False)
+    for side in ("right", "left"):
+        recording = read_one("taco", tmp_path, ReaderOptions(mano_dir=mano_dir, side=side))
+        assert [hand.side for hand in recording.sequence.hands] == [side]
+
+
+def test_a_rate_that_contradicts_the_one_in_the_file_is_refused(tmp_path, mano_dir):
+    grab(tmp_path, scene(), False)
+    with pytest.raises(InputError, match="says 120 frames a second, got --fps 30; drop one"):
+        read_one("grab", tmp_path / "grab", ReaderOptions(mano_dir=mano_dir, fps=30.0))
+    recording = read_one("grab", tmp_path / "grab", ReaderOptions(mano_dir=mano_dir, fps=120.0))
+    assert recording.sequence.fps == 120
+
+
 def test_clips_of_one_name_get_as_much_of_the_path_as_tells_them_apart(tmp_path):
     for name in ("a/take", "b/take", "b/other"):
         (tmp_path / name).mkdir(parents=True)
