@@ -83,8 +83,9 @@ class DatasetReader:
         """Frames a second, when the frames were taken where a clip says it, and what to know."""
         if parts.stamps is not None:
             return timing_of(parts.stamps, parts.frames, options.fps)
-        known = [fps for fps in (options.fps, parts.fps, self.fps) if fps is not None]
-        rate, notes = rate_of(None, next(iter(known), None), where)
+        usual = self.fps if parts.fps is None else None
+        given = usual if options.fps is None else options.fps
+        rate, notes = rate_of(parts.fps, given, where)
         return rate, None, notes
 
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
