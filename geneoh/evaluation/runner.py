@@ -145,10 +145,13 @@ def open_record(
 ) -> tuple[list[Score], dict[str, Any]]:
     """The scores in a folder and the versions they were begun with; begins a record without any.
 
-    A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away.
+    A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away, as
+    is one in which everything failed: correcting its cause may take other settings.
     """
     path = folder / SCORED
     records = [] if fresh else read_journal(path)
+    if records and holds_no_score(records):
+        records = []
     head = {"settings": settings, "versions": versions}
     if records:
         head = read_head(records[0], path, settings)
@@ -156,6 +159,14 @@ def open_record(
     scores = list({score.key: score for score in found}.values())  # the last of each counts
     begin_journal(path, [head, *map(asdict, scores)])
     return scores, head["versions"]
+
+
+def holds_no_score(records: list[dict[str, Any]]) -> bool:
+    """Whether a record of this version has nothing but failures, which are tried again anyway."""
+    scores = [read_score(record) for record in records[1:]]
+    return {"settings", "versions"} <= set(records[0]) and all(
+        each and each.failed for each in scores
+    )
 
 
 def read_head(head: dict[str, Any], path: Path, settings: dict[str, Any]) -> dict[str, Any]:

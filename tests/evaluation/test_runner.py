@@ -201,6 +201,16 @@ def test_scores_of_other_settings_are_refused_until_thrown_away(folder):
     assert open_record(folder, other, VERSIONS, fresh=True)[0] == []
 
 
+def test_a_record_without_any_score_keeps_no_settings(folder):
+    failed = Score("taco", "a", "gauss", 1, "input", failed="no such file")
+    append_journal(folder / SCORED, [asdict(failed)])
+    other = {**SETTINGS, "data": "/elsewhere"}
+    assert open_record(folder, other, VERSIONS) == ([], VERSIONS)
+    append_journal(folder / SCORED, [{"a score": "of another version"}])
+    with pytest.raises(ConfigError, match=r"other settings \(data\)"):
+        open_record(folder, SETTINGS, VERSIONS)
+
+
 def test_a_record_that_another_version_wrote_is_refused(folder):
     (folder / SCORED).write_text(json.dumps({"settings": SETTINGS}) + "\n")
     with pytest.raises(ConfigError, match="another version of geneoh"):
