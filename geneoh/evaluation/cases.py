@@ -10,7 +10,11 @@ from geneoh.errors import InputError, MissingAssetError
 from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_groups
-from geneoh.evaluation.protocols.noise import check_noise, noisy_input
+from geneoh.evaluation.protocols.noise import (
+    check_noise,
+    noisy_input,
+    refuse_idle_settings,
+)
 from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.outputs import keep_others
 from geneoh.fitting.subject import subject_of
@@ -108,6 +112,7 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
     if options.noisy_inputs is not None:
         check_folder(options.noisy_inputs, "--twins")
     noises = options.noises or options.defaults.noises
+    refuse_idle_settings(noises, options.protocol)
     for noise in noises:
         check_noise(options.dataset, noise, options.protocol)
     clips = spread_over_groups(by_file, options.limit)

@@ -5,6 +5,7 @@ the first 24 pose components. The draws depend on the seed, the data set and the
 order, limits and worker processes change nothing.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -61,6 +62,17 @@ def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) ->
             "components the paper draws its noise, got none; register at https://mano.is.tue.mpg.de"
             ", download the models, and name their folder with --mano or GENEOH_MANO_DIR"
         )
+
+
+def refuse_idle_settings(noises: Iterable[CaseNoise], options: ProtocolOptions) -> None:
+    """Refuse settings of the noise "paper" where it is not drawn: they would be ignored."""
+    plain = ProtocolOptions()
+    for name in ("noise_sizes", "finger_noise") if "paper" not in noises else ():
+        if (value := getattr(options, name)) != getattr(plain, name):
+            raise ConfigError(
+                f"--set {name}: expected none without --noise paper, which alone depends on it, "
+                f"got {value}; leave it out"
+            )
 
 
 def noisy_input(

@@ -121,6 +121,13 @@ def test_noise_on_angles_is_drawn_on_every_finger_joint(tree, mano_dir):
     assert float(fingers.std(0).min()) > 0.15
 
 
+@pytest.mark.parametrize("setting", [{"noise_sizes": "code"}, {"finger_noise": "angles"}])
+def test_settings_of_the_papers_noise_are_refused_where_it_is_not_drawn(setting):
+    options = EvaluationOptions("taco", noises=("gauss",), protocol=ProtocolOptions(**setting))
+    with pytest.raises(ConfigError, match="expected none without --noise paper"):
+        find_cases(options)
+
+
 def test_arctic_gives_the_right_hand_of_s01_in_overlapping_windows(tree, mano_dir, known_scene):
     root = tree("arctic")
     shutil.copytree(root / "raw_seqs/s01", root / "raw_seqs/s02")
