@@ -1,5 +1,6 @@
 """What a reader is given and gives: the caller's options in, recordings out."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -10,6 +11,7 @@ from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
 from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
+from geneoh.errors import ConfigError
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
@@ -53,6 +55,17 @@ class ReaderOptions:
     """Focal length of the camera in pixels, for image-based estimators."""
     camera: Place | None = None
     """Position of the camera in the world, metres, instead of the source's own."""
+
+    def __post_init__(self) -> None:
+        """Refuse a focal length that no camera has: hands would be behind it, or nowhere.
+
+        Raises:
+            ConfigError: it is not above 0 and finite.
+        """
+        if self.focal is not None and not 0 < self.focal < math.inf:
+            raise ConfigError(
+                f"--focal: expected a length in pixels above 0, got {self.focal:g}; correct it"
+            )
 
     def mano(self, side: Side, left_hand: ManoName = AS_SHIPPED) -> Mano | None:
         """One side of the user's MANO, where there are files of it."""

@@ -12,7 +12,7 @@ import torch
 from trees import FRAMES, case_of, scene
 
 import geneoh
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.readers.transforms import axis_angles
 
@@ -189,3 +189,10 @@ def test_other_values_are_refused(tmp_path, held):
     (tmp_path / "video.pkl").write_bytes(pickle.dumps(held))
     with pytest.raises(InputError, match="expected detections"):
         geneoh.read("hamer", tmp_path)
+
+
+@pytest.mark.parametrize("focal", [-5.0, 0.0, np.nan, np.inf])
+def test_a_focal_length_of_no_camera_is_refused(tmp_path, focal):
+    CASE.write(tmp_path)
+    with pytest.raises(ConfigError, match="--focal: expected a length in pixels above 0, got"):
+        geneoh.read("hamer", tmp_path, focal=focal)
