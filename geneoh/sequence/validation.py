@@ -194,7 +194,7 @@ def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> N
         )
     if SMALLEST_HAND <= span <= LARGEST_HAND:
         return
-    cure = "not metres, rescale"
+    cure = "numbers of another unit, rescale them"
     if span > LARGEST_HAND:
         cure, unit = "centimetres, divide by 100", "cm"
         if span > IN_MM:
