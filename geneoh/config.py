@@ -253,7 +253,12 @@ def setting_differences(found: Mapping[str, Any], asked: Mapping[str, Any]) -> s
     """What differs in what is asked for from nested settings found, in words; empty if nothing."""
     was, wanted = flat(found), flat(asked)
     return ", ".join(
-        f"{name} {was.get(name)} where {value} is asked for"
+        f"{name} {_shown(was.get(name))} where {_shown(value)} is asked for"
         for name, value in wanted.items()
         if name not in was or was[name] != value
     )
+
+
+def _shown(value: Any) -> Any:
+    """A setting in a sentence, in which an empty text is nothing at all."""
+    return "none" if value == "" else value

@@ -5,6 +5,7 @@ import re
 import shutil
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -155,6 +156,11 @@ def test_a_folder_of_another_config_or_seed_is_refused_and_left_alone(data, chan
     with pytest.raises(InputError, match=f"was made with {words}; .* name another folder"):
         write_shards(data, replace(TINY, **change), seed=seed)
     assert contents(data) == before
+
+
+def test_objects_where_there_were_none_are_told(data):
+    with pytest.raises(InputError, match="was made with objects none where abc is asked for"):
+        write_shards(data, TINY, seed=0, scans=SimpleNamespace(fingerprint="abc"))
 
 
 def test_shards_that_do_not_belong_together_are_not_read(data, tmp_path):
