@@ -184,12 +184,32 @@ def made_data(
 
 
 def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
-    """Make what a folder lacks of this config's interactions; those of another are left alone."""
+    """Make what a folder lacks of this config's interactions; those of another are left alone.
+
+    Raises:
+        InputError: the path is a file, or a folder of other files, such as recordings.
+    """
     there = sorted(folder.glob("*_*.safetensors"))
     if not there and (folder / FILE).exists():  # they are to be made with scanned objects
         return
+    if not there:
+        refuse_other_files(folder)
     if not there or shard_record(there[0]) == ShardRecord(config, 0):
         write_shards(folder, config, seed=0, on_shard=on_step)
+
+
+def refuse_other_files(folder: Path) -> None:
+    """Raise where interactions would be made among other files, or in place of one."""
+    if not folder.exists():
+        return
+    found = sorted(folder.iterdir()) if folder.is_dir() else [folder]
+    others = [path.name for path in found if not path.name.startswith(".")]
+    if others:
+        raise InputError(
+            f"{folder}: expected interactions that `geneoh synthesize` made, or an empty folder to "
+            f"make them in, got {others[0]}; name recordings with their source, such as "
+            f"sequences={folder}, or another folder"
+        )
 
 
 def refuse_other_making(

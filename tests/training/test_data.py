@@ -172,6 +172,16 @@ def test_an_empty_folder_is_filled_first_and_an_interrupted_one_completed(made, 
     assert again.training.take(slice(None)).wrist[0].equal(clip)
 
 
+def test_interactions_are_not_made_among_other_files(tmp_path, tiny):
+    file = tmp_path / "mine" / "walk.npz"
+    file.parent.mkdir()
+    file.touch()
+    for path in (file.parent, file):
+        with pytest.raises(InputError, match=rf"got walk\.npz; .* such as sequences={path}, or"):
+            training_data([DataSource(path)], tmp_path, tiny)
+    assert list(file.parent.iterdir()) == [file]
+
+
 def test_interactions_of_other_settings_are_taken_as_they_are(made, tmp_path, tiny):
     before = sorted(path.stat().st_mtime_ns for path in made.iterdir())
     data = training_data([DataSource(made)], tmp_path, tiny)
