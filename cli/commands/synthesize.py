@@ -75,10 +75,13 @@ def synthesize(
     from geneoh.synthesis.kinds import kind_of_data
     from geneoh.synthesis.replay import NoFirstGraspsError
     from geneoh.synthesis.shards import write_shards
+    from geneoh.training.run_config import refuse_settings
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.sheet import sheet_of
 
     options.refuse_unit_without(meshes, "--objects")
+    if meshes is None:
+        refuse_settings("scanned", settings, "--objects")
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
     data_kind = kind_of_data(actions, bodies, meshes, holding)

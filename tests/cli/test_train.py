@@ -110,8 +110,12 @@ def test_hands_hold_meshes_of_a_folder(geneoh, tmp_path):
     geneoh("synthesize", "--objects", "mine", *SHARDS, settings=quick)
     clips = read_shards(tmp_path / "runs" / "data", "train")
     assert clips.take(slice(None)).scan.tolist() == [0, 0]
-    without = geneoh("synthesize", *SHARDS, settings=quick, code=2)
-    assert "was made with objects" in without.stderr
+    without = geneoh("synthesize", *SHARDS, settings=ANYTHING, code=2)
+    assert "where none is asked for" in without.stderr
+    ignored = geneoh("synthesize", *SHARDS, settings=quick, code=2)
+    assert "scanned=1.0: expected a setting that this run reads, got one of --objects" in (
+        ignored.stderr
+    )
 
 
 def test_misspelt_setting_is_refused_with_the_nearest(geneoh):
