@@ -109,8 +109,9 @@ def keep_other_reports(folder: Path) -> None:
         keep_others(*(folder / name for name in REPORT_FILES))
 
 
-def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
+def write_report(evaluation: Evaluation, folder: Path | str) -> list[Path]:
     """Write scores.csv, evaluation.json, report.md and report.html; returns their paths."""
+    folder = Path(folder)
     markdown = "\n".join(as_report(evaluation)) + "\n"
     texts = (scores_as_csv(evaluation), report_as_json(evaluation), markdown, as_page(evaluation))
     for name, text in zip(REPORT_FILES, texts, strict=True):

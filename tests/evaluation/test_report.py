@@ -128,7 +128,7 @@ def test_equal_scores_give_equal_files(folder, tmp_path):
 
 def test_without_the_extra_the_page_says_how_to_get_plots(tmp_path, monkeypatch):
     monkeypatch.setattr(plots, "available", lambda: False)
-    write_report(made(), tmp_path)
+    write_report(made(), str(tmp_path))
     text = (tmp_path / "report.html").read_text()
     assert "<svg" not in text
     assert "geneoh[plots]" in text
