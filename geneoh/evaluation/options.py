@@ -10,6 +10,7 @@ from typing import Literal
 
 from geneoh import choices
 from geneoh.config import Limited, Limits, check_fields
+from geneoh.errors import ConfigError
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 
@@ -122,11 +123,23 @@ class EvaluationOptions:
         """Take lists and paths given as text; what is named twice is one.
 
         Raises:
-            ConfigError: a value is of another type than its field's, or none of its choices.
+            ConfigError: a value is of another type than its field's, or none of its choices, or
+                the cleaner has a preset or a seed that is not scored.
         """
         check_fields(self, LIMITS)
         for name in ("noises", "seeds", "methods", "presets", "ablations", "predictions"):
             object.__setattr__(self, name, tuple(dict.fromkeys(getattr(self, name))))
+        self._refuse_of_cleaner("preset", self.presets)
+        self._refuse_of_cleaner("seed", self.seeds)
+
+    def _refuse_of_cleaner(self, name: str, used: tuple[object, ...]) -> None:
+        """Refuse a preset or a seed of the cleaner that is not scored: it would be ignored."""
+        given = getattr(self.cleaner, name)
+        if given != getattr(Options(), name) and given not in used:
+            raise ConfigError(
+                f"EvaluationOptions: the {name} of 'cleaner' must be one of '{name}s', got "
+                f"{given!r}; give it as {name}s=({given!r},)"
+            )
 
     @property
     def defaults(self) -> DatasetDefaults:

@@ -223,10 +223,18 @@ def test_a_place_that_cannot_be_written_to_is_told(tmp_path):
         open_record(tmp_path / "taken", SETTINGS, VERSIONS)
 
 
+@pytest.mark.parametrize("given", [{"preset": "fast"}, {"seed": 3}])
+def test_a_preset_or_a_seed_of_the_cleaner_that_is_not_scored_is_refused(given):
+    ((name, value),) = given.items()
+    with pytest.raises(ConfigError, match=rf"got {value!r}; give it as {name}s=\({value!r},\)"):
+        replace(SMALL, cleaner=Options(**given))
+
+
 def test_settings_change_with_all_that_changes_scores(tmp_path):
     first = settings_of(SMALL)
     assert settings_of(replace(SMALL, limit=5, methods=())) == first
-    assert settings_of(replace(SMALL, cleaner=Options(preset="fast", seed=3))) == first
+    scored = {"presets": ("fast",), "seeds": (3,), "cleaner": Options(preset="fast", seed=3)}
+    assert settings_of(replace(SMALL, **scored)) == first
     weights = stage_weights("motion", None)
     (tmp_path / weights.name).write_bytes(weights.read_bytes() + b" ")
     for other in (
