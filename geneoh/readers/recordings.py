@@ -138,18 +138,26 @@ def ending_of(path: Path) -> str:
 
 
 def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
-    """The recordings of one clip.
+    """The recordings of one clip, of those with one hand each the ones of the side asked for.
 
     Raises:
         ConfigError: the source makes no use of one of the options.
         InputError: a file of it cannot be read; the message names it.
         MissingAssetError: it needs a file that the user must supply.
     """
+    return chosen(all_recordings(source, clip, options), clip, options)
+
+
+def all_recordings(source: Source, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
+    """The recordings of one clip, whatever side is asked for; raises what `read_clip` does."""
     refuse_unused(source, options)
     recordings = source.reader().read(clip, options)
     refuse_betas(recordings, clip)
-    found = [without_idle_hand(recording) for recording in recordings]
-    # of a clip with a recording for each hand, the side chooses; without any it is refused below
+    return [without_idle_hand(recording) for recording in recordings]
+
+
+def chosen(found: list[Recording], clip: SourceClip, options: ReaderOptions) -> list[Recording]:
+    """Recordings of a clip with the caller's choices kept; `InputError` where none of them fits."""
     asked = [recording for recording in found if options.side in sides_of(recording)]
     return [with_choices(recording, clip, options) for recording in asked or found]
 
@@ -223,8 +231,11 @@ def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = N
     clips = [one for one in there if clip is None or clip.startswith(one.name)]
     found = []
     if len(clips) == 1 or clip is not None:
-        read_all = ((one, found) for one in clips for found in read_clip(source, one, options))
-        found = [each for one, each in read_all if clip in (None, each.name, one.name)]
+        for one in clips:
+            inside = all_recordings(source, one, options)
+            named = [each for each in inside if clip in (None, each.name, one.name)]
+            named = [each for each in named if each.name == clip] or named
+            found += chosen(named, one, options)
         found = [one for one in found if one.name == clip] or found
     if len(found) == 1:
         return found[0]

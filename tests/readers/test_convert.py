@@ -189,6 +189,9 @@ def test_of_a_clip_with_a_recording_for_each_hand_the_asked_one_is_read(tmp_path
     for side in ("right", "left"):
         recording = read_one("taco", tmp_path, ReaderOptions(mano_dir=mano_dir, side=side))
         assert [hand.side for hand in recording.sequence.hands] == [side]
+    left = ReaderOptions(mano_dir=mano_dir, side="left")
+    with pytest.raises(InputError, match="expected a left hand, got right; drop --side"):
+        read_one("taco", tmp_path, left, "_stir__spoon__bowl_/20230917_001_tool")
 
 
 def test_a_rate_that_contradicts_the_one_in_the_file_is_refused(tmp_path, mano_dir):
