@@ -3,9 +3,8 @@ import json
 import os
 import re
 import shutil
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -158,9 +157,16 @@ def test_a_folder_of_another_config_or_seed_is_refused_and_left_alone(data, chan
     assert contents(data) == before
 
 
+@dataclass(frozen=True)
+class OtherObjects:
+    """Stands in for scanned objects."""
+
+    fingerprint: str = "abc"
+
+
 def test_objects_where_there_were_none_are_told(data):
     with pytest.raises(InputError, match="was made with objects none where abc is asked for"):
-        write_shards(data, TINY, seed=0, scans=SimpleNamespace(fingerprint="abc"))
+        write_shards(data, TINY, seed=0, scans=OtherObjects())
 
 
 def test_shards_that_do_not_belong_together_are_not_read(data, tmp_path):
