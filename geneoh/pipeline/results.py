@@ -121,7 +121,8 @@ def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = Fal
     frames a second before selection and fit; `object_confidence` (T, Q), how much the
     object's poses agree with one another; `options`, the settings as JSON. Meshes stay in their own
     files, which it names; one that was made in memory is not kept, which is logged as a warning.
-    A file that geneoh did not write is replaced with `overwrite` only.
+    A file that geneoh did not write is replaced with `overwrite` only; one that it did write is
+    replaced unasked, also one that the result was made from.
 
     Raises:
         InputError: the place cannot be written to, holds a file that geneoh did not write, or has
