@@ -15,17 +15,20 @@ from geneoh.generators.text2hoi.learning.samples import ActionData, hands_of, se
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, refined_by
+from geneoh.generators.text2hoi.physics.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.physics.resting import eased, finished
 from geneoh.generators.text2hoi.physics.settling import settled
 from geneoh.generators.text2hoi.physics.standing import StandingObject
 from geneoh.generators.text2hoi.sampling import sample_actions
 from geneoh.generators.text2hoi.sentences.passing import asked_giver
+from geneoh.generators.text2hoi.sentences.prompt import JOINTED
+from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.reconstruction import mesh_of_points
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions.action import Actions
+from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.synthesis.draws import Draws
 from geneoh.workers.pool import results_of
 
@@ -137,8 +140,8 @@ def refined(
     """Drawn clips as `geneoh generate --refine geneoh` makes them of what the paper's refiner left.
 
     Objects have the meshes that follow from their points. One whose joint stands still is one
-    mesh, as `geneoh generate` is given it; hands at an object whose joint moves go through the
-    cleaner alone. `jobs` processes share the clips, each with one thread, and give the bits of one.
+    mesh, as `geneoh generate` is given it. `jobs` processes share the clips, each with one thread,
+    and give the bits of one.
 
     Raises:
         GeneOHError: a clip ended its workers, as where memory runs out.
@@ -181,12 +184,8 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
 
 def refined_parts(clip: Actions, seed: int) -> Actions:
     """A batch of one clip, refined, and at rest at either end, which the cleaner does not know."""
-    meshes, settle = part_meshes(clip), None
-    if len(meshes) == 1:
-        still = torch.eye(3), torch.zeros(3)
-        stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
-        settle = partial(settled, stood=stood, generator=torch.Generator().manual_seed(seed))
-    clip = finished(clip, settle)
+    meshes = part_meshes(clip)
+    clip = held(clip, meshes, torch.Generator().manual_seed(seed))
     sequence = action_sequence(clip, meshes)
     clean = clean_interaction(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()
@@ -196,6 +195,21 @@ def refined_parts(clip: Actions, seed: int) -> Actions:
         assert track.wrist is not None, "the cleaner fits a hand model"
         pose[0, side, frames], wrist[0, side, frames] = track.pose, track.wrist
     return eased(replace(clip, pose=pose, wrist=wrist).ended())
+
+
+def held(clip: Actions, meshes: tuple[Mesh, ...], generator: torch.Generator) -> Actions:
+    """A batch of one clip whose hands hold the object, or the part that they open or close."""
+    still, verb = (torch.eye(3), torch.zeros(3)), VERBS[int(clip.verb)]
+    stood = StandingObject(joined(meshes), *still, clip.points[0], clip.normals[0])
+    if len(meshes) == 1:
+        return finished(clip, partial(settled, stood=stood, generator=generator))
+    if verb not in JOINTED:
+        return finished(clip)
+    most = float(clip.joint[clip.valid].max())
+    joint = Joint(clip.axis[0], clip.pivot[0], bool(clip.slides[0]), most)
+    pair = meshes[0], meshes[1]
+    jointed = JointedObject(stood, pair, clip.part[0], joint, closes=verb == "close")
+    return jointed.finished(jointed.guided(clip), generator)[0]
 
 
 def joint_rests(clip: Actions) -> bool:

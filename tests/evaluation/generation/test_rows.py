@@ -16,8 +16,10 @@ from geneoh.evaluation.generation.rows import (
 )
 from geneoh.generators.text2hoi.learning.samples import ActionData
 from geneoh.generators.text2hoi.networks.library import load_text2hoi
+from geneoh.generators.text2hoi.physics.jointed import JointedObject
 from geneoh.generators.text2hoi.physics.resting import eased, finished
 from geneoh.streamed import Streamed
+from geneoh.synthesis.actions.action import VERBS
 
 
 def test_nearest_training_clip_has_the_verb_and_hands_and_the_nearest_object():
@@ -98,6 +100,28 @@ def test_an_object_whose_joint_stands_still_is_one_mesh_in_that_state(monkeypatc
     torch.testing.assert_close(asked[1].points, still.posed_points()[:, 0])
     for name in ("points", "part", "axis", "joint"):
         torch.testing.assert_close(getattr(found, name), getattr(still, name))
+
+
+@pytest.mark.parametrize(("verb", "closes"), [("open", False), ("close", True), ("lift", None)])
+def test_hands_that_open_or_close_are_brought_to_the_part_as_generate_does(
+    monkeypatch, verb, closes
+):
+    """Before, they went through the cleaner alone, and stayed centimetres deep in the lid."""
+    actions = box_actions(["open"], frames=8, length=6, points=1024, jointed=True)
+    actions = replace(actions, verb=torch.tensor([VERBS.index(verb)]))
+    asked: list[tuple[JointedObject, torch.Generator]] = []
+
+    def finished(jointed, clip, generator):
+        asked.append((jointed, generator))
+        return clip, ()
+
+    monkeypatch.setattr(JointedObject, "finished", finished)
+    found = rows.held(actions, part_meshes(actions), torch.Generator())
+    assert found.joint.shape == actions.joint.shape
+    assert [jointed.closes for jointed, _ in asked] == ([] if closes is None else [closes])
+    for jointed, _ in asked:
+        assert jointed.most == pytest.approx(float(actions.joint[actions.valid].max()))
+        assert torch.equal(jointed.part, actions.part[0])
 
 
 def test_refined_clips_keep_their_order_whichever_is_ready_first(monkeypatch):
