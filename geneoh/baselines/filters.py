@@ -1,8 +1,8 @@
-"""Low-pass filters on keypoints and on parameters: the cleaners that people already have.
+"""Low-pass filters on keypoints and on parameters, the usual way to clean a hand track.
 
-The size of a filter is either tuned once, on validation clips and over all noises (`TUNED`, made by
-`python -m tools.tune_filters`), as a careful user could do. Or it is the best on the very clip,
-chosen with the ground truth (`best_filtered`), which is better than any user can choose.
+The size of a filter is either tuned once, on validation clips over all kinds of noise (`TUNED`,
+made by `python -m tools.tune_filters`), as a careful user could do. Or it is the best size for the
+test clip itself, chosen with the ground truth (`best_filtered`), as no user can.
 """
 
 import math
@@ -25,10 +25,10 @@ from geneoh.sequence.sequence import HandTrack
 FilterKind = Literal["savgol", "gaussian", "one-euro"]
 Domain = Literal["keypoints", "parameters"]
 """What is filtered: coordinates of keypoints, or wrist position and joint rotations."""
-CENTROID_FRAMES = 5.0  # deviation of the Gaussian in `smoothed_centroid`, frames
+CENTROID_FRAMES = 5.0  # standard deviation of the Gaussian in `smoothed_centroid`, frames
 ORDER = 2  # degree of the Savitzky-Golay filter's polynomials
-OFFSET_STEPS = 20  # after which an offset moves by less than a micrometre
-SPEED_CUTOFF = 1.0  # hertz, of the One-Euro filter's speed estimate (its authors')
+OFFSET_STEPS = 20  # iterations of `best_offset`; later ones move it by less than a micrometre
+SPEED_CUTOFF = 1.0  # cutoff of the One-Euro filter's speed estimate, hertz (its authors' value)
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Filter:
 
     kind: FilterKind
     size: float
-    """Window in frames (savgol), standard deviation in frames (gaussian), or smallest cutoff in
+    """Window in frames (savgol), standard deviation in frames (gaussian), or minimum cutoff in
     hertz (one-euro)."""
-    beta: float = 0.0  # One-Euro: increase of the cutoff in hertz for a speed of one unit a second
+    beta: float = 0.0  # One-Euro: increase of the cutoff in hertz per speed of one unit a second
 
 
 GRID: dict[FilterKind, tuple[Filter, ...]] = {
@@ -61,16 +61,16 @@ TUNED: dict[tuple[FilterKind, Domain], Filter] = {
     ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.65 mm
     ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 19.14 mm
 }
-"""One size for all noises, with the mean error that it leaves on the validation clips; printed by
+"""One size for all kinds of noise, with its mean keypoint error on the validation clips; printed by
 `python -m tools.tune_filters`."""
 
 
 def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:
-    """A track with each number filtered over frames; a window is cut to the track's length."""
+    """Filter each coordinate over frames; a window is at most as long as the track."""
     array = values.cpu().double().numpy()
     match chosen.kind:
         case "savgol":
-            from scipy.signal import savgol_filter  # slow to import, and cleaning needs it not
+            from scipy.signal import savgol_filter  # slow to import, and not used by the cleaner
 
             longest = len(array) - (len(array) + 1) % 2  # windows are odd
             window = min(round(chosen.size), longest)
@@ -87,14 +87,14 @@ def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[
 def one_euro(
     values: Float[np.ndarray, "T ..."], cutoff: float, beta: float, fps: float
 ) -> Float[np.ndarray, "T ..."]:
-    """The One-Euro filter: exponential smoothing that is weaker where the values move fast.
+    """The One-Euro filter: causal exponential smoothing that is weaker where values change fast.
 
-    `cutoff` and `beta` are `Filter.size` and `Filter.beta`. The filter is causal, as on live
-    tracks. Source: Casiez et al., CHI 2012, algorithm 1.
+    `cutoff` and `beta` are `Filter.size` and `Filter.beta`.
+    Source: Casiez et al., CHI 2012, algorithm 1.
     """
 
     def share(hertz: float | np.ndarray) -> float | np.ndarray:
-        """Weight of the new value."""
+        """Weight of the new value for a cutoff frequency."""
         rate = 2 * math.pi * hertz / fps
         return rate / (rate + 1)
 
@@ -110,11 +110,11 @@ def one_euro(
 def filtered(
     hand: HandTrack, chosen: Filter, domain: Domain, fps: float
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a filtered track in its own frame, metres; gaps are filled linearly first.
+    """Keypoints of a filtered track in the track's frame, metres; gaps are first interpolated.
 
     "keypoints": each coordinate is filtered. "parameters": wrist positions and axis-angle vectors
-    are filtered and posed with the input's own skeleton, so that bones keep their length; needs a
-    pose.
+    are filtered, then forward kinematics of the input's skeleton keep the bone lengths; the track
+    needs pose parameters.
     """
     filled = fill_gaps(hand)
     assert filled.joints is not None, "the filters need keypoints"
@@ -129,10 +129,10 @@ def filtered(
 
 
 def smoothed_centroid(hand: HandTrack, fps: float) -> Float[Tensor, "T 21 3"]:
-    """Keypoints that follow the smoothed middle of the hand, whose shape is left as it is.
+    """Keypoints moved with the smoothed centroid of the hand; the pose of the hand is unchanged.
 
-    A Gaussian filter on the middle alone, after gaps were filled linearly. Source: the smoothing of
-    hands in NVIDIA's video_to_data (`hand_alignment`), with its size.
+    A Gaussian filter acts on the centroid of the keypoints, after gaps were interpolated. Source:
+    the smoothing of hands in NVIDIA's video_to_data (`hand_alignment`), with its size.
     """
     joints = fill_gaps(hand).joints
     assert joints is not None, "the filters need keypoints"
@@ -141,9 +141,9 @@ def smoothed_centroid(hand: HandTrack, fps: float) -> Float[Tensor, "T 21 3"]:
 
 
 def unwrapped(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
-    """The same rotations, each as the axis-angle vector nearest to that of the frame before.
+    """The same rotations, each as the axis-angle vector nearest to that of the previous frame.
 
-    A filter would smooth over the jump to the opposite axis at half a turn.
+    Otherwise the vector jumps to the opposite axis at an angle of pi, and a filter smears the jump.
     """
     kept = [pose[0]]
     for now in pose[1:]:
@@ -155,43 +155,44 @@ def unwrapped(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
 
 
 def domains_of(hand: HandTrack) -> tuple[Domain, ...]:
-    """What can be filtered of a track."""
+    """The domains in which a track can be filtered; "parameters" needs pose parameters."""
     return ("keypoints",) if hand.pose is None else ("keypoints", "parameters")
 
 
 def best_filtered(
     hand: HandTrack, truth: Float[Tensor, "T 21 3"], domain: Domain, fps: float
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of the filter and size of `GRID` whose result is nearest to the ground truth."""
+    """Keypoints filtered by the filter of `GRID` whose result is nearest to the ground truth."""
     return _nearest(tried(hand, domain, fps), truth)
 
 
 def best_filtered_and_moved(
     hand: HandTrack, truth: Float[Tensor, "T 21 3"], fps: float
 ) -> Float[Tensor, "T 21 3"]:
-    """The same of all domains, each result moved by the one offset that brings it nearest."""
+    """Like `best_filtered` over all domains, with each result moved by its `best_offset`."""
     made = (joints for domain in domains_of(hand) for joints in tried(hand, domain, fps))
     return _nearest((joints + best_offset(joints, truth) for joints in made), truth)
 
 
 def tried(hand: HandTrack, domain: Domain, fps: float) -> Iterator[Float[Tensor, "T 21 3"]]:
-    """Keypoints of every filter and size of `GRID`."""
+    """Keypoints filtered by every filter of `GRID`."""
     return (filtered(hand, chosen, domain, fps) for sizes in GRID.values() for chosen in sizes)
 
 
 def _nearest(
     made: Iterable[Float[Tensor, "T 21 3"]], truth: Float[Tensor, "T 21 3"]
 ) -> Float[Tensor, "T 21 3"]:
-    """Those keypoints that have the least mean distance to the ground truth."""
+    """The candidate with the smallest mean keypoint distance to the ground truth."""
     return min(made, key=lambda joints: float((joints - truth).norm(dim=-1).mean()))
 
 
 def best_offset(
     joints: Float[Tensor, "T 21 3"], truth: Float[Tensor, "T 21 3"]
 ) -> Float[Tensor, " 3"]:
-    """The offset that leaves the least mean distance: the geometric median of all errors, metres.
+    """The translation that minimises the mean keypoint distance, metres.
 
-    Source: Weiszfeld, 1937, whose steps never increase the distance. They begin at the mean.
+    It is the geometric median of all errors, by Weiszfeld's algorithm (1937) from their mean, whose
+    iterations never increase the distance.
     """
     errors = (truth - joints).flatten(0, 1)
     offset = errors.mean(0)

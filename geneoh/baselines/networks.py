@@ -1,13 +1,13 @@
-"""The trained baselines of `geneoh eval`: one call gives clean keypoints, without diffusion noise.
+"""The trained baselines of `geneoh eval`: one call predicts clean keypoints, without diffusion.
 
-`TochAutoencoder` is after TOCH (Zhou et al., ECCV 2022). As there, the hand is described at points
-of the object's surface. TOCH's field holds the distance along the normal and the place on the hand
-that a ray from the object point hits; ours holds relations to the 21 keypoints, at the contact
-points and trained on the data of the cleaner. It follows the idea of TOCH, not the authors' code,
-and says nothing about their figures.
+`TochAutoencoder` is after TOCH (Zhou et al., ECCV 2022), which also describes the hand at points of
+the object's surface. TOCH's field holds the distance along the normal and the point of the hand
+that a ray from the object point hits. Ours holds relations of contact points to the 21 keypoints,
+and is trained on the data of the cleaner. It follows the idea of TOCH, not the authors' code, so
+its results say nothing about theirs.
 
-`RegressionDenoiser` is "w/o Diffusion" (paper, section 4.4, which uses an autoencoder in its
-place). Its input is that of MotionDiff and SpatialDiff together.
+`RegressionDenoiser` is "w/o Diffusion" (paper, section 4.4, where it is an autoencoder). It gets
+the inputs of MotionDiff and SpatialDiff together.
 """
 
 from dataclasses import dataclass, replace
@@ -36,17 +36,17 @@ RELATION_FEATURES = 6 + 63 + 42  # width of `relation_features`
 
 @dataclass(frozen=True)
 class Observation(Bundle):
-    """The noisy hand."""
+    """The noisy hand as a network sees it."""
 
     joints: Float[Tensor, "B T 21 3"]  # keypoints in the canonical frame, metres, gaps filled
     trust: Float[Tensor, "B T 21"]  # 0 where a keypoint was filled in, else its confidence, <= 1
 
     def turned(self, axes: Float[Tensor, "B 3 3"]) -> "Observation":
-        """The same observation in other axes, given as columns."""
+        """The same observation in the rotated frame whose axes are the columns of `axes`."""
         return replace(self, joints=self.joints @ axes[:, None])
 
     def features(self) -> Float[Tensor, "B T F"]:
-        """Network input per frame: position, pose, jitter, trust, bone lengths, and a one."""
+        """Features per frame: position, pose, jitter, trust, bone lengths, and a constant 1."""
         joints, wrist = self.joints, self.joints[:, :, :1]
         bones = bone_lengths(joints).median(dim=1, keepdim=True).values
         parts = [
@@ -61,7 +61,7 @@ class Observation(Bundle):
 
 
 def relation_features(relations: SpatialRelations) -> Float[Tensor, "B T K F"]:
-    """Each contact point's position and normal (6), then how the hand lies around it."""
+    """Features per contact point: position, normal, offsets to the keypoints, closeness, height."""
     offsets = relations.offsets.flatten(-2) / HAND_SCALE
     place = [relations.points / HAND_SCALE, relations.normals]
     return torch.cat([*place, offsets, contact_features(relations)], dim=-1)
@@ -69,7 +69,7 @@ def relation_features(relations: SpatialRelations) -> Float[Tensor, "B T K F"]:
 
 @dataclass(frozen=True)
 class RegressionConfig(NetworkConfig):
-    """Size of the network, whose transformer has one token per frame."""
+    """Size of the network; its transformer has one token per frame."""
 
     width: int = 96
     depth: int = 3
@@ -81,7 +81,7 @@ class RegressionDenoiser(nn.Module):
     """Noisy keypoints to clean ones: a PointNet over contact points, a transformer over frames."""
 
     def __init__(self, config: RegressionConfig) -> None:
-        """Build the network; its last layer is zero, so that untrained it changes nothing."""
+        """Build the network; its last layer is zero, so that it starts as the identity."""
         super().__init__()
         self.config = config
         self.encode_point = mlp(RELATION_FEATURES, config.point_width, config.point_width)
@@ -92,7 +92,7 @@ class RegressionDenoiser(nn.Module):
     def forward(
         self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints behind an observation, canonical frame, metres."""
+        """The predicted clean keypoints in the canonical frame, metres."""
         axes = palm_axes(observation.joints)
         turned = observation.turned(axes)
         each = self.encode_point(relation_features(relations.turned(axes)))
@@ -113,7 +113,7 @@ class TochConfig(NetworkConfig):
 
 
 class TochAutoencoder(nn.Module):
-    """Noisy fields of a window to clean keypoints, through one latent per frame."""
+    """Relations of a noisy hand in a window to clean keypoints, through one latent per frame."""
 
     def __init__(self, config: TochConfig) -> None:
         super().__init__()
@@ -127,9 +127,9 @@ class TochAutoencoder(nn.Module):
     def forward(
         self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints behind the relations of a noisy hand, canonical frame, metres.
+        """The predicted clean keypoints in the canonical frame, metres.
 
-        Of the observation only the mean direction of the palm is used.
+        Of the observation, only the mean palm axes are used.
         """
         axes = palm_axes(observation.joints)
         relations = relations.turned(axes)
@@ -151,12 +151,12 @@ Baseline = TochAutoencoder | RegressionDenoiser
 
 
 def baseline_weights(name: BaselineName, folder: Path | None) -> Path:
-    """The file of a baseline: in the folder that the user names, else the shipped one."""
+    """The weights file of a baseline: in the user's folder if it has one, else the shipped one."""
     return file_or_shipped(name, folder, SHIPPED)
 
 
 def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
-    """The network of a baseline that `geneoh eval` scores, the shipped one by default."""
+    """The network of a baseline, with the weights in `folder` or, by default, the shipped ones."""
     path = (folder or SHIPPED) / f"{name}.safetensors"
     if name == "toch":
         return load_network(path, TochAutoencoder, TochConfig)

@@ -1,4 +1,4 @@
-"""One clip of a batch, in whatever process: files in, clean files out, and what became of it."""
+"""Cleaning of one clip of a batch, in any process: files in, clean files and an outcome out."""
 
 import logging
 from collections.abc import Iterator
@@ -26,19 +26,19 @@ LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BatchOptions:
-    """What is asked for every clip."""
+    """Options that hold for every clip."""
 
-    folder: Path  # of the results
+    folder: Path  # output folder
     options: Options = field(default_factory=Options)
     reading: dict[str, Any] = field(default_factory=dict)  # options of `geneoh.read` by name
 
 
 @dataclass(frozen=True)
 class CleaningOutcome:
-    """What became of a clip."""
+    """The outcome of cleaning a clip."""
 
     clip: str
-    failed: str = ""  # why it has no result, in one sentence; empty where it has
+    failed: str = ""  # error message in one sentence; empty on success
     inputs: dict[str, str] = field(default_factory=dict)
     """Fingerprint of each file that was read, by its path."""
     files: dict[str, str] = field(default_factory=dict)
@@ -47,11 +47,11 @@ class CleaningOutcome:
 
 
 def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
-    """Clean a clip and write its results; a clip that cannot be cleaned fails in a sentence.
+    """Clean a clip and write its results; errors of this clip alone are returned, not raised.
 
     Raises:
-        InputError: a result cannot be written, as on a full disk; neither could those of others.
-        CheckpointError: weights are missing or damaged, for all clips.
+        InputError: a result cannot be written, as on a full disk; this concerns all clips.
+        CheckpointError: weights are missing or damaged; this concerns all clips.
     """
     with told_in_results():
         try:
@@ -65,7 +65,7 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
             raise
         except GeneOHError as error:
             return CleaningOutcome(clip.name, str(error))
-        except Exception as error:  # a defect of ours on one clip is no reason to stop the others
+        except Exception as error:  # a defect of geneoh on one clip must not stop the others
             LOG.debug("%s", clip.path, exc_info=True)
             return CleaningOutcome(
                 clip.name, f"{clip.path}: unexpected {type(error).__name__}: {error}"
@@ -80,7 +80,7 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
 
 @contextmanager
 def told_in_results() -> Iterator[None]:
-    """Keep warnings about single clips out of the log: the summary tells them."""
+    """Silence warnings about single clips, because the summary reports them."""
     log = logging.getLogger("geneoh")
     before = log.level
     log.setLevel(max(before, logging.ERROR) if log.getEffectiveLevel() > logging.DEBUG else before)
@@ -91,7 +91,7 @@ def told_in_results() -> Iterator[None]:
 
 
 def _cleaned(clip: BatchClip, batch: BatchOptions) -> Iterator[tuple[str, Denoised]]:
-    """Each clean recording of a clip with the name of its file."""
+    """Clean each recording of a clip; yields file names with results."""
     options = with_settings(batch.options, clip.settings)
     for name, sequence in sequences_of(clip, batch.reading, options.mano_dir):
         place = batch.folder / f"{name}.npz"
@@ -120,12 +120,12 @@ def sequences_of(
 def written(result: Denoised, place: Path) -> str:
     """Write a result; returns the fingerprint of its file."""
     make_folder(place.parent)
-    save(result, place, overwrite=True)  # the run has looked at its folder before
+    save(result, place, overwrite=True)  # `keep_others` has refused files that are not ours
     return fingerprint(place)
 
 
 def _rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
-    """A summary of each hand of a result, as JSON can hold it."""
+    """A JSON-compatible summary of each hand of a result."""
     for side, hand in result.hands.items():
         yield {
             "file": file,

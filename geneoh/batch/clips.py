@@ -1,7 +1,7 @@
 """The clips of a batch: files, folders, globs, manifests, and copies of data sets.
 
-A manifest is a CSV with the column `input` and, where they are wanted, `name`, `meshes`, `source`
-and `options`. Its paths are relative to its folder. Several meshes or options are separated by
+A manifest is a CSV with the column `input` and the optional columns `name`, `meshes`, `source` and
+`options`. Its paths are relative to its folder. Several meshes or options are separated by
 semicolons: `preset=fast; side=left`.
 """
 
@@ -31,29 +31,29 @@ from geneoh.readers.recordings import source_named, with_distinct_names
 LOG = logging.getLogger(__name__)
 
 COLUMNS = ("input", "name", "meshes", "source", "options")
-MANIFEST_LIMIT = 2**26  # bytes of a manifest
+MANIFEST_LIMIT = 2**26  # largest size of a manifest, bytes
 SETTINGS = tuple(field.name for field in fields(Options))
 FOR_NPZ = ("side", "fps", "unit", "joint_order", "keypoint_unit", "object_pose", "camera")
 READING = (*FOR_NPZ, *OF_SOURCES)
-"""Names of the options of `geneoh.read`; the first are those of `geneoh.load` too."""
+"""Names of the options of `geneoh.read`; `geneoh.load` has those of `FOR_NPZ`."""
 PATHS = ("object_pose", "objects", "body", "weights", "mano_dir")
 
 
 @dataclass(frozen=True)
 class BatchClip:
-    """One input, and what is asked for it beyond what is asked for the whole batch."""
+    """One input of a batch, with the options that it has in addition to those of the batch."""
 
-    name: str  # of its result, below the folder of results and without ending; unique in a batch
+    name: str  # path of its result below the output folder, without ending; unique in a batch
     path: Path
-    source: str | None = None  # whose files they are; None for files that `geneoh.load` reads
+    source: str | None = None  # name of its reader; None for files that `geneoh.load` reads
     meshes: tuple[Path, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)  # fields of `geneoh.Options` by name
     reading: dict[str, Any] = field(default_factory=dict)  # options of `geneoh.read` by name
-    problem: str = ""  # why there is nothing to read, in one sentence
-    is_named: bool = False  # whether a manifest gives the name, which is then kept
+    problem: str = ""  # error message if there is nothing to read, in one sentence
+    is_named: bool = False  # whether a manifest sets the name, which is then not changed
 
     def described(self) -> dict[str, Any]:
-        """The clip as JSON can hold it; with another description it is other work."""
+        """A JSON-compatible description of the clip; a clip is cleaned again when it changes."""
         plain = asdict(self) | {"path": str(self.path), "meshes": list(map(str, self.meshes))}
         for name in ("settings", "reading"):
             plain[name] = {key: str(value) for key, value in plain[name].items()}
@@ -68,9 +68,9 @@ def find_batch_clips(
 
     Args:
         inputs: files, folders, globs and manifests; with a source, its files and folders.
-        source: whose files they are, where they are not npz files.
-        folder: of the results, which are no inputs.
-        meshes: of the object in all clips; without them, the mesh beside a clip that has its name.
+        source: name of the reader of files that are not npz files.
+        folder: the output folder, whose results are not used as inputs.
+        meshes: of the object in all clips; by default, the mesh file beside a clip with its name.
 
     Raises:
         InputError: an input is not there or holds no clip, a manifest cannot be read, two clips
@@ -97,11 +97,11 @@ def find_batch_clips(
 
 
 def _distinct(found: list[BatchClip]) -> list[BatchClip]:
-    """What there is to do, once each, under the names that manifests say, or else distinct ones."""
+    """The clips without duplicates, with the names set in manifests, or else distinct ones."""
     resolved = cache(Path.resolve)  # most clips share a folder
 
     def work_of(clip: BatchClip) -> str:
-        """What a clip is to do, alike for all ways to write the path of its file."""
+        """A key that duplicates share: the same file, however its path is written, and options."""
         path = resolved(clip.path.parent) / clip.path.name
         return repr(replace(clip, name="", path=path, is_named=False))
 
@@ -122,7 +122,7 @@ def _distinct(found: list[BatchClip]) -> list[BatchClip]:
 
 
 def expanded(path: Path) -> list[Path]:
-    """What a glob names, absolute; a path that is there stands for itself."""
+    """The absolute paths that match a glob; an existing path is returned as it is."""
     if path.exists() or not has_magic(str(path)):
         return [path.absolute()]
     found = sorted(Path(each).absolute() for each in glob(str(path), recursive=True))
@@ -132,7 +132,7 @@ def expanded(path: Path) -> list[Path]:
 
 
 def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
-    """The clips at or below one path; `InputError` where there is none."""
+    """The clips at or below one path; `InputError` if there is none."""
     if source is not None:
         clips = find_source_clips(source_named(source), [path], folder)
         return [BatchClip(clip.name, clip.path, source) for clip in clips]
@@ -171,15 +171,15 @@ def is_manifest(path: Path) -> bool:
 
 
 def names_in(rows: Iterator[list[str]]) -> list[str]:
-    """The names of the columns, which the first row of a table holds."""
+    """The column names in the first row of a table, lower case."""
     names = [name.strip().strip('"').lower() for name in next(rows, [])]
-    while names and not names[-1]:  # columns that Excel saved though they are empty
+    while names and not names[-1]:  # empty columns that Excel saved
         names.pop()
     return names
 
 
 def columns_of(rows: Iterator[list[str]], path: Path) -> list[str]:
-    """The columns of a manifest; `InputError` for one that is unknown, repeated or missing."""
+    """The column names of a manifest; `InputError` if one is unknown, repeated or missing."""
     names = names_in(rows)
     if unknown := [name for name in names if name not in COLUMNS]:
         hint = closest_name(unknown[0], COLUMNS)
@@ -196,12 +196,12 @@ def columns_of(rows: Iterator[list[str]], path: Path) -> list[str]:
 
 
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[BatchClip]:
-    """The clips of all rows; one whose files are not there keeps the reason as its problem."""
+    """The clips of all rows; a row with missing files becomes a clip with a `problem`."""
     with open_text(path, MANIFEST_LIMIT) as file:
         lines, separator = table_in(file)
         rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
         names = columns_of(rows, path)
-        named: dict[str, int] = {}  # lines of the names that are given
+        named: dict[str, int] = {}  # line number by clip name
         for row in filter(any, rows):
             where = f"{path}, line {rows.line_num}"
             row = row[: len(names)] if not any(row[len(names) :]) else row
@@ -254,7 +254,7 @@ def listed(text: str) -> list[str]:
 
 
 def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The options in a cell: those of cleaning, and those of reading."""
+    """The options in a cell: fields of `Options`, and options of `geneoh.read`."""
     settings, reading = {}, {}
     for part in listed(text):
         if "=" not in part:
@@ -277,7 +277,7 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
 
 
 def _check_places(clips: list[BatchClip], folder: Path) -> None:
-    """Refuse results outside of their folder, and results that would replace an input."""
+    """`InputError` if a result would lie outside the output folder or replace an input."""
     inputs = {clip.path.resolve() for clip in clips}
     for clip in clips:
         place = (folder / f"{clip.name}.npz").resolve()

@@ -1,8 +1,8 @@
-"""Many clips: those that are left are cleaned, and a journal says what became of each.
+"""Cleaning of many clips, with a journal so that an interrupted run resumes.
 
-The journal's first line holds the settings of the run, every other one a clip that is `done`,
-`failed` or `left`; the last line of a clip counts. Started again, a run does what is left, what
-failed, and what has another input or no result any more.
+The journal's first line holds the settings of the run. Each other line is a clip with the state
+`done`, `failed` or `left` (to do); the last line of a clip counts. A resumed run cleans the clips
+that are left or failed, and those whose input changed or whose result is missing or changed.
 """
 
 from collections.abc import Iterator
@@ -28,10 +28,10 @@ from geneoh.workers.pool import results_of
 
 @dataclass(frozen=True)
 class Cleaned:
-    """What became of all clips of a batch."""
+    """The outcomes of all clips of a batch."""
 
-    outcomes: tuple[CleaningOutcome, ...]  # of each clip, in the order of the clips
-    before: int  # how many of them were done by an earlier run
+    outcomes: tuple[CleaningOutcome, ...]  # one per clip, in the order of the clips
+    before: int  # number of clips that were done by an earlier run
 
     @property
     def failed(self) -> list[CleaningOutcome]:
@@ -47,13 +47,13 @@ def clean_batch(
     ray: str | None = None,
     on_progress: OnProgress | None = None,
 ) -> Cleaned:
-    """Clean all clips that are not done yet into the folder of a batch, with journal and summary.
+    """Clean all clips that are not done yet; results, journal and summary go to `batch.folder`.
 
-    `jobs` processes do so, this one if 1, or a Ray cluster at the address `ray`, where "local"
-    starts one on this machine.
+    The work is done by `jobs` processes (by this one if 1), or by the Ray cluster at the address
+    `ray`; "local" starts a cluster on this machine.
 
     Raises:
-        ConfigError: the folder holds results of other settings.
+        ConfigError: the folder holds results that were made with other settings.
         InputError: another run works in the folder, or it cannot be written to.
     """
     batch.options.resolved()
@@ -70,7 +70,7 @@ def clean_batch(
             done += 1
             if on_progress is not None:
                 on_progress("clips", done, len(clips))
-        # without what was left in between
+        # rewritten with only the last record of each clip
         journal.begin_journal(path, [settings, *records.values()])
         outcomes = tuple(outcome_in(records[clip.name]) for clip in clips)
         write_summary(outcomes, batch.folder)
@@ -80,7 +80,7 @@ def clean_batch(
 def outcomes_of(
     left: list[BatchClip], batch: BatchOptions, jobs: int, ray: str | None
 ) -> Iterator[CleaningOutcome]:
-    """Clean some clips, in the order in which they are ready."""
+    """Clean clips; yields their outcomes as they finish."""
     clean = partial(clean_clip, batch=batch)
     if ray is not None and left:
         return on_cluster(left, clean, address=ray, lost=_lost)
@@ -88,14 +88,17 @@ def outcomes_of(
 
 
 def _lost(clip: BatchClip, why: str) -> CleaningOutcome:
-    """The outcome of a clip that killed its workers."""
+    """The outcome of a clip whose workers died."""
     return CleaningOutcome(clip.name, f"{clip.path}: {why}")
 
 
 def _records_before(
     clips: list[BatchClip], batch: BatchOptions, settings: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
-    """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
+    """The journal's records by clip name, with those of clips that only earlier runs had.
+
+    Clips that must be cleaned get a new record with the state `left`.
+    """
     path = batch.folder / journal.CLEANED
     keep_others(path)
     records = journal.read_journal(path)
@@ -109,24 +112,24 @@ def _records_before(
         record = known.pop(clip.name, {})
         if record.get("state") != "done" or not is_done(record, asked, batch.folder):
             record = {"clip": clip.name, "state": "left", "asked": asked}
-        known[clip.name] = record  # in the order of the clips, behind those of other runs
+        known[clip.name] = record  # after the records of other clips, in the order of `clips`
     return known
 
 
 def record_of(outcome: CleaningOutcome, asked: dict[str, Any]) -> dict[str, Any]:
-    """The line of a journal that says what became of a clip."""
+    """The journal record of an outcome; `asked` is the clip's description."""
     state = "failed" if outcome.failed else "done"
     return {"clip": outcome.clip, "state": state, "asked": asked, **asdict(outcome)}
 
 
 def outcome_in(record: dict[str, Any]) -> CleaningOutcome:
-    """The outcome in a line of a journal."""
+    """The outcome in a journal record."""
     held = CleaningOutcome(**{field.name: record[field.name] for field in fields(CleaningOutcome)})
     return replace(held, hands=[with_nan(hand) for hand in held.hands])
 
 
 def _settings_of(batch: BatchOptions) -> dict[str, Any]:
-    """What the results of all clips depend on: it identifies a run."""
+    """The settings on which the results of all clips depend; they identify a run."""
     return {
         "options": as_dict(batch.options),
         "reading": {name: str(value) for name, value in batch.reading.items()},
@@ -135,7 +138,7 @@ def _settings_of(batch: BatchOptions) -> dict[str, Any]:
 
 
 def refuse_other_settings(held: journal.Record, settings: dict[str, Any], path: Path) -> None:
-    """`ConfigError` where a journal was begun with other settings."""
+    """`ConfigError` if the journal (its first record `held`) was begun with other settings."""
     if differ := setting_differences(held, settings):
         raise ConfigError(
             f"{path.parent}: holds results of other settings ({differ}); "

@@ -1,4 +1,4 @@
-"""The summary of a batch: a CSV and a page, what failed first, then what changed most."""
+"""The summary of a batch as CSV and HTML: failed clips first, then the hands that moved most."""
 
 import html
 from collections.abc import Iterable
@@ -19,21 +19,21 @@ MEASURES = tuple(name for name, _, _ in LINES)
 
 
 def write_summary(outcomes: Iterable[CleaningOutcome], folder: Path) -> None:
-    """Write summary.csv and summary.html, with one row for each hand of each result."""
+    """Write summary.csv and summary.html, with one row per hand of a result or failed clip."""
     rows = sorted((row for outcome in outcomes for row in _rows_of(outcome)), key=rank)
     write_whole(folder / SUMMARY_FILES[0], _as_csv(rows))
     write_whole(folder / SUMMARY_FILES[1], _as_page(rows))
 
 
 def _rows_of(outcome: CleaningOutcome) -> list[dict[str, Any]]:
-    """A row for each hand, or the one of a clip that failed."""
+    """One row per hand, or a single row for a clip that failed."""
     if outcome.failed:
         return [{"clip": outcome.clip, "failed": outcome.failed}]
     return [{"clip": outcome.clip, **hand} for hand in outcome.hands]
 
 
 def rank(row: dict[str, Any]) -> tuple[float, str, str]:
-    """What failed comes first, then what moved most."""
+    """Sort key of a row: failed clips first, then by the distance moved, largest first."""
     moved = row.get("moved_mm", float("inf"))
     return (-moved if isfinite(moved) else float("-inf"), row["clip"], row.get("side", ""))
 
@@ -50,7 +50,7 @@ def _as_csv(rows: list[dict[str, Any]]) -> str:
 
 
 def _as_page(rows: list[dict[str, Any]]) -> str:
-    """The rows as one HTML file that needs nothing else."""
+    """The rows as a self-contained HTML page."""
     failed = [row for row in rows if "failed" in row]
     there = [row for row in rows if "failed" not in row]
     hands = numbered(len(there), "hand")
@@ -70,7 +70,7 @@ def _as_page(rows: list[dict[str, Any]]) -> str:
 
 
 def as_table(rows: list[dict[str, Any]]) -> str:
-    """The clean hands; a bar shows how far each moved, relative to the one that moved most."""
+    """HTML table of the clean hands; a bar shows how far each moved, relative to the largest."""
     heads = "".join(f"<th colspan=2>{name}{f', {unit}' * bool(unit)}" for _, name, unit in LINES)
     lines = [f"<tr><th>clip<th>hand<th>frames<th colspan=2>moved, mm{heads}<th class=words>notes"]
     most = max((row["moved_mm"] for row in rows if isfinite(row["moved_mm"])), default=0.0)

@@ -1,8 +1,8 @@
-"""One point of the benchmark in a process of its own; `geneoh.bench.run` runs this file.
+"""Measures one point of the benchmark; `geneoh.bench.run` runs this file in a separate process.
 
-What it measures is the geneoh that it finds, of which it uses public names only: with the checkout
-of another version in PYTHONPATH that one is measured in the same way. Its first argument is a
-`geneoh.bench.run.Point` as JSON; it prints its progress and, in the last line, what it found.
+It measures the geneoh that is imported and uses only public names, so that a checkout of another
+version in PYTHONPATH can be measured in the same way. The first argument is a
+`geneoh.bench.run.Point` as JSON. Progress is printed, then the result as JSON in the last line.
 """
 
 import json
@@ -17,19 +17,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 REPEATS, LONG = 3, 10.0
-"""Runs of a point, of which the middle one counts, and seconds after which none is begun."""
+"""Runs of a point, of which the median one counts, and seconds after which no run is started."""
 FILES = Path(__file__).resolve().parents[2] / "examples"
 INSTALLED = Path(__file__).resolve().parents[1] / "examples"
 
 ZERO = {"seconds": 0.0, "processor": 0.0, "peak_mb": 0.0}
 Tell = Callable[[str, int, int], None]
 Found = dict[str, dict[str, Any]]
-"""`seconds` by the clock, `processor` seconds and `peak_mb`, the highest memory of the process so
-far, of the `whole` and of each stage."""
+"""For the `whole` and each stage: `seconds` of wall time, `processor` seconds, and `peak_mb`, the
+peak memory of the process until then."""
 
 
 class Moment(NamedTuple):
-    """The clock, the processor's, and the highest memory of this process so far."""
+    """Wall time, processor time, and the peak memory of this process so far."""
 
     seconds: float
     processor: float
@@ -37,9 +37,9 @@ class Moment(NamedTuple):
 
 
 def now(device: str) -> Moment:
-    """This moment, after the work that a GPU was given, whose memory is then the one that counts.
+    """The current moment; on a GPU, after its queued work, and with the peak of its memory.
 
-    The peak is 0 on Windows, which does not tell it to a process.
+    On Windows without a GPU, the peak is 0, because a process cannot read it.
     """
     if device.startswith("cuda"):
         import torch
@@ -57,7 +57,7 @@ def now(device: str) -> Moment:
 
 
 def example(frames: int, triangles: int | None = None) -> Any:
-    """The noisy example recording, forth and back up to so many frames, its mesh refined."""
+    """The noisy example recording, played forth and back to reach `frames`, with a refined mesh."""
     import torch
 
     import geneoh
@@ -71,7 +71,7 @@ def example(frames: int, triangles: int | None = None) -> Any:
 
 
 def subdivided(mesh: Any, triangles: int) -> Any:
-    """The same surface in so many triangles, or in one less: they split into four or into three."""
+    """The same surface in `triangles` or one less: all are split by four, then some by three."""
     import numpy as np
     import torch
     import trimesh
@@ -95,11 +95,11 @@ def subdivided(mesh: Any, triangles: int) -> Any:
 
 
 def _cleaned(point: dict[str, Any], tell: Tell | None = None, *, run: int = 0) -> Found:
-    """Clean one clip of a point and write it to a file."""
+    """Clean one clip of a point, write the result to a file, and return the measurements."""
     import geneoh
 
     sequence, device = example(point["frames"], point["triangles"]), point["device"]
-    # geneoh keeps search trees of a mesh: with its faces in another order each run builds them
+    # another order of the faces in each run, because geneoh caches the search trees of a mesh
     order = [replace(m, faces=m.faces.roll(run, 0)) for m in sequence.object.meshes]
     sequence = replace(sequence, object=replace(sequence.object, meshes=tuple(order)))
     moments = [("", now(device))]
@@ -119,21 +119,21 @@ def _cleaned(point: dict[str, Any], tell: Tell | None = None, *, run: int = 0) -
 
 
 def took(before: Moment, after: Moment) -> dict[str, float]:
-    """The time between two moments, and the peak until the second one."""
+    """Wall and processor time between two moments, and the peak memory until the second."""
     seconds, processor = after.seconds - before.seconds, after.processor - before.processor
     return {"seconds": seconds, "processor": processor, "peak_mb": after.peak_mb}
 
 
 def added(one: dict[str, float], other: dict[str, float]) -> dict[str, float]:
-    """The sum of two times, and the higher peak."""
+    """The sum of two measurements; of their peaks, the higher one."""
     return {name: (max if name == "peak_mb" else add)(one[name], other[name]) for name in one}
 
 
 def by_stage(moments: Sequence[tuple[str, Moment]], seconds: dict[str, float]) -> Found:
-    """What each stage took: the time to each of its steps from the step before.
+    """Time and peak memory of each stage, summed over the intervals that end with its steps.
 
-    The first interval of all holds the work before the stages too. `seconds`, what the result says
-    of its stages by the clock, tells how much of it belongs to the first one.
+    The very first interval also holds the work before the first stage. `seconds`, the wall time of
+    each stage in the result, tells which share of that interval belongs to the stage.
     """
     first, began = moments[1][0], moments[1][1].seconds
     last = max(moment.seconds for stage, moment in moments if stage == first)
@@ -149,7 +149,7 @@ def by_stage(moments: Sequence[tuple[str, Moment]], seconds: dict[str, float]) -
 
 
 def middle_run(point: dict[str, Any], tell: Tell) -> Found:
-    """The middle one of several runs, fewer where they are long, after one that pays imports."""
+    """The median of up to `REPEATS` runs by processor time, after a short run for the imports."""
     _cleaned({**point, "frames": 12, "triangles": 0, "samples": 1, "preset": "fast"})
     runs: list[Found] = []
     began = time.monotonic()
@@ -160,7 +160,10 @@ def middle_run(point: dict[str, Any], tell: Tell) -> Found:
 
 
 def many_clips(point: dict[str, Any], tell: Tell) -> Found:
-    """All clips of a point by the workers of `geneoh batch`, one a core: the sum of each stage."""
+    """All clips of a point, cleaned by the workers of `geneoh batch`, one per core.
+
+    Returns the sums over clips; `seconds` of the `whole` is the elapsed wall time.
+    """
     from geneoh.workers.pool import cores, results_of
 
     def lost(_: dict[str, Any], why: str) -> Found:
@@ -182,7 +185,7 @@ def say(held: Any) -> None:
 
 
 def answer(find: Callable[[dict[str, Any], Tell], Found]) -> None:
-    """Print what is found at the point in the first argument, and progress before it."""
+    """Run `find` on the point in the first argument; print its progress, then its result."""
     import torch
 
     point = json.loads(sys.argv[1])
@@ -195,7 +198,7 @@ def answer(find: Callable[[dict[str, Any], Tell], Found]) -> None:
 
 
 def cleaned(point: dict[str, Any], tell: Tell) -> Found:
-    """What it takes to clean the clip or the clips of a point."""
+    """Time and memory that cleaning the clips of a point takes."""
     return (many_clips if point["clips"] > 1 else middle_run)(point, tell)
 
 

@@ -2,12 +2,12 @@
 
 Their weights are random, because speed does not depend on them; nothing is cleaned. MotionDiff and
 SpatialDiff have the layers of the released code: two trunks of 8 transformer layers, 512 wide, with
-the noise level added in between. TemporalDiff was not released: the paper gives the widths of its
-PointNet (32, 64, 128, 256, three layers each) and of its transformer (256); that its autoencoder
-and the denoiser of its latent are as deep as the others' trunks is assumed here. Neither the
-optimisation of the keypoints after TemporalDiff nor the hand fit is in these times.
+the noise level added in between. TemporalDiff was not released. The paper gives the widths of its
+PointNet (32, 64, 128, 256, three layers each) and of its transformer (256). The depth of its
+autoencoder and of its latent denoiser is assumed to be that of the other trunks. The times include
+neither the optimisation of the keypoints after TemporalDiff nor the hand fit.
 
-`geneoh.bench.run` runs this file in a process of its own, as it does `geneoh.bench.measure`.
+`geneoh.bench.run` runs this file in a separate process, like `geneoh.bench.measure`.
 """
 
 from collections.abc import Callable
@@ -21,23 +21,23 @@ from torch import Tensor, nn
 from geneoh.bench.measure import ZERO, Found, Tell, answer, now, took
 from geneoh.nn.blocks import fourier, mlp
 
-FRAMES, POINTS = 60, 2000  # frames of the paper's window, and contact points of its inference
+FRAMES, POINTS = 60, 2000  # the paper's window in frames, and its contact points at inference
 STEPS = {"motion": 400, "spatial": 200, "temporal": 100}  # denoiser calls of each stage
 POINTS_ON_CPU = 20
-"""Points that are timed on a CPU, of which each has a diffusion chain of its own: time is linear in
-their number. All at once are 8 TFLOP a step."""
+"""Contact points that are timed on a CPU. Time is linear in their number, because each has its own
+diffusion chain; all points together need 8 TFLOP a step."""
 DEPTH, HEADS, FEED = 8, 4, 1024
-TIMES = 3
+TIMES = 3  # timed repetitions, of which the median counts
 
 
 class PaperDenoiser(nn.Module):
-    """Two trunks over frames with the noise level added to every token between them."""
+    """Two transformers over frames; between them the noise level is added to every token."""
 
     def __init__(self, into: nn.Module, out: nn.Module, width: int) -> None:
-        """Build the trunks between two layers.
+        """Build the trunks between the layers `into` and `out`.
 
-        The second one's residuals have a learned scale in the released code (ReZero), and no
-        activation between their linear layers; the scale is left out.
+        In the released code, the second trunk has no activation between its linear layers and a
+        learned scale of its residuals (ReZero), which is left out here.
         """
         super().__init__()
         self.into, self.out, self.width = into, out, width
@@ -57,10 +57,10 @@ class PaperDenoiser(nn.Module):
 
 
 class PaperAutoencoder(nn.Module):
-    """TemporalDiff's: relations of all points in time to a latent, and back at each point."""
+    """TemporalDiff's autoencoder: relations at all points to one latent per frame, and back."""
 
     def __init__(self, width: int = 256) -> None:
-        """Build a PointNet of the 69 numbers of a pair, a trunk over frames, and linear heads."""
+        """Build a PointNet on 69 features of a point, a trunk over frames, and linear heads."""
         super().__init__()
         self.points = mlp(69, *(size for size in (32, 64, 128, width) for _ in range(3)))
         self.trunk = trunk(width, 0.0)
@@ -76,13 +76,13 @@ class PaperAutoencoder(nn.Module):
 
 
 def trunk(width: int, dropout: float, **how: Any) -> nn.Module:
-    """Transformer layers as the paper has them; without dropout in use."""
+    """Transformer layers of the paper's size; dropout acts in training only."""
     layer = nn.TransformerEncoderLayer(width, HEADS, FEED, dropout, batch_first=True, **how)
     return nn.TransformerEncoder(layer, DEPTH, enable_nested_tensor=False)
 
 
 def paper_networks() -> dict[str, nn.Module]:
-    """The denoiser of each stage, and the autoencoder of the last."""
+    """The denoiser of each stage, and the autoencoder of TemporalDiff."""
     deep = nn.Sequential(mlp(63, 512, 512), mlp(512, 512, 512))
     networks = {
         "motion": PaperDenoiser(nn.Linear(63, 512), nn.Linear(512, 63), 512),
@@ -99,9 +99,10 @@ def parameter_count(network: nn.Module) -> int:
 
 
 def measured_networks(device: str, tell: Tell, points: int | None = None) -> Found:
-    """What one window and one sample take with such networks: one step times the steps.
+    """Time of one window and one sample with such networks: the time of one step times the steps.
 
-    So many contact `points` are timed; by default all on a GPU, `POINTS_ON_CPU` on a CPU.
+    `points` is the number of contact points that are timed: by default all of them on a GPU,
+    `POINTS_ON_CPU` on a CPU.
     """
     timed = points or (POINTS if device.startswith("cuda") else POINTS_ON_CPU)
     networks = {name: network.to(device) for name, network in paper_networks().items()}
@@ -127,7 +128,7 @@ def measured_networks(device: str, tell: Tell, points: int | None = None) -> Fou
 
 @torch.no_grad()
 def times(work: Callable[[], Any], device: str) -> dict[str, float]:
-    """Middle of several times of a piece of work, after one that is not counted."""
+    """Median times of `work` over `TIMES` calls, after one call that is not counted."""
     work()
     spent: list[dict[str, float]] = []
     for _ in range(TIMES):

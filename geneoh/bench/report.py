@@ -1,4 +1,4 @@
-"""What a benchmark found, as Markdown tables and as a plot."""
+"""The results of a benchmark as Markdown tables and as a plot."""
 
 import io
 from collections.abc import Iterator, Mapping
@@ -15,13 +15,14 @@ from geneoh.files.outputs import check_ending
 
 PARTS = ("whole", "motion", "spatial", "temporal", "fit")
 CLOCKS = {"clock": "seconds", "processor": "processor"}
-"""The field of a part that holds its time, by the name of a clock."""
+"""The key of a measured time in `Found`, by the name of its clock."""
 
 
 def tables(bench: Bench, found: Mapping[Point, Found], by: str) -> Iterator[str]:
-    """Frames a second with the peak of memory along each axis, then the paper's sizes beside ours.
+    """Tables of frames per second with peak memory along each axis, then ours beside the paper's.
 
-    By the "clock", or the "processor" for the time that other work on the machine hardly changes.
+    `by` is "clock" for wall time, or "processor" for processor time, which other work on the
+    machine hardly changes.
     """
     base, clock = bench.base, CLOCKS[by]
     yield (
@@ -44,12 +45,12 @@ def row(*cells: str) -> str:
 
 
 def frames_a_second(point: Point, part: dict[str, Any], clock: str) -> float:
-    """Frames of all clips over the time of a part of the work."""
+    """Frames per second: the frames of all clips over the time of one part of the work."""
     return point.frames * point.clips / max(part[clock], 1e-9)
 
 
 def cell(point: Point, part: dict[str, Any] | None, clock: str) -> str:
-    """Frames a second and the peak of memory of a part of the work."""
+    """A table cell with frames per second and peak memory in MB of one part of the work."""
     if part is None:
         return "-"
     return f"{frames_a_second(point, part, clock):,.1f} ({part['peak_mb']:,.0f})"
@@ -74,10 +75,10 @@ def beside_the_paper(ours: Found, paper: Found, clock: str) -> Iterator[str]:
 
 
 def check_plot(path: Path | None) -> list[Path]:
-    """The file of a plot, if one is asked for and can be drawn.
+    """A list with the file of the plot, empty without one.
 
     Raises:
-        InputError: it is no PNG.
+        InputError: the file's ending is not `.png`.
         ConfigError: matplotlib is not installed.
     """
     if path is None:
@@ -89,7 +90,7 @@ def check_plot(path: Path | None) -> list[Path]:
 
 
 def write_plot(path: Path, bench: Bench, found: Mapping[Point, Found], by: str) -> None:
-    """Frames a second and memory along each axis as a PNG."""
+    """Plot frames per second and peak memory along each axis into a PNG."""
     figure, grid = plots.canvas(2.3 * len(bench.axes), len(bench.axes), 2)
     for axis, (speed, peak) in zip(bench.axes, grid.reshape(-1, 2), strict=True):
         points = [point for point in bench.along(axis) if not point.version]

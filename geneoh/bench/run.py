@@ -1,6 +1,6 @@
-"""The benchmark: a grid around one point, each point measured in a process of its own.
+"""The benchmark: points along axes through a base point, each measured in a separate process.
 
-What is measured is kept in a JSON file point by point; a run that is started again does the rest.
+Each result is written to a JSON file at once; a run that is started again measures the rest.
 """
 
 import json
@@ -24,12 +24,12 @@ from geneoh.files.reading import read_bytes
 from geneoh.progress import OnProgress
 
 GENERATOR = "geneoh bench"
-TRIANGLES = 2000  # those of the example's mesh
+TRIANGLES = 2000  # of the example's mesh
 
 
 @dataclass(frozen=True)
 class Point:
-    """What one process measures."""
+    """The settings that one process measures."""
 
     samples: int
     preset: PresetName
@@ -40,10 +40,10 @@ class Point:
     clips: int = 1
     networks: Literal["ours", "paper"] = "ours"
     version: str = ""
-    """Name of the folder of another version's checkout; empty for the one that runs."""
+    """Name of the folder of another version's checkout; empty for the running version."""
 
     def __str__(self) -> str:
-        """The point in a few words."""
+        """A short description of the point."""
         if self.networks == "paper":
             return "networks of the paper's sizes"
         said = [f"{name} {getattr(self, name):,}" for name in QUICK]
@@ -51,7 +51,7 @@ class Point:
 
 
 Axes = Mapping[str, tuple[int, ...]]
-"""The values along each axis, by the name of a field of `Point`."""
+"""The values of each axis; an axis is a field of `Point`."""
 QUICK: Axes = {
     **{"frames": (60, 180, 600), "samples": (1, 4, 8)},
     **{"triangles": (TRIANGLES, 20_000, 100_000), "clips": (1, 4)},
@@ -64,27 +64,27 @@ FULL: Axes = {
 
 @dataclass(frozen=True)
 class Bench:
-    """A grid: points that differ from one in one axis at a time."""
+    """All points to measure: each differs from the base point in at most one axis."""
 
     base: Point
     axes: Axes
     paper: bool = True  # whether networks of the paper's sizes are timed beside ours on one window
-    tree: Path | None = None  # checkout of another version to measure before this one at each point
+    tree: Path | None = None  # checkout of another version, measured before this one at each point
 
     def along(self, axis: str) -> list[Point]:
-        """The points of an axis, of both versions."""
+        """The points along an axis, of both versions."""
         versions = ["" if self.tree is None else self.tree.resolve().name, ""]
         values = sorted(set(self.axes[axis]))
         points = [replace(self.base, version=v, **{axis: x}) for x in values for v in versions]
         return list(dict.fromkeys(points))
 
     def side_by_side(self) -> tuple[Point, Point]:
-        """One window with the preset, and with networks of the paper's sizes."""
+        """Two points of one window: with our preset, and with networks of the paper's sizes."""
         ours = replace(self.base, frames=60)
         return ours, replace(ours, samples=1, preset="paper", networks="paper")
 
     def points(self) -> list[Point]:
-        """Each point once, in the order of the work."""
+        """All points without duplicates, in the order in which they are measured."""
         points = [point for axis in self.axes for point in self.along(axis)]
         return list(dict.fromkeys([*points, *(self.side_by_side() if self.paper else ())]))
 
@@ -97,13 +97,13 @@ def run_bench(
     fresh: bool = False,
     on_progress: OnProgress | None = None,
 ) -> dict[Point, Found]:
-    """Measure all points that a JSON file does not have, and write it after each.
+    """Measure all points that are not yet in the JSON file `output`, which is written after each.
 
-    If `fresh`, what the file has is measured anew. `environment` holds facts of this machine and
-    installation, and `on_progress` is told the point and its stage.
+    With `fresh`, all points are measured again. `environment` describes this machine and
+    installation. `on_progress` gets the point and its stage.
 
     Raises:
-        InputError: the file is none of ours, or there is no other version in `Bench.tree`.
+        InputError: `output` is not a file of this function, or `Bench.tree` is not a checkout.
         ConfigError: the file was measured in another environment.
         GeneOHError: a process failed; the points before it are in the file.
     """
@@ -132,7 +132,7 @@ def run_bench(
 
 
 def records_in(path: Path, environment: dict[str, Any]) -> list[dict[str, Any]]:
-    """The records of a file that `run_bench` wrote here; none where there is no file."""
+    """The records in a file that `run_bench` wrote in this environment; empty without a file."""
     if not path.exists() or not (data := read_bytes(path)):
         return []
     try:
@@ -152,7 +152,7 @@ def records_in(path: Path, environment: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def measured_apart(point: Point, tree: Path | None, tell: Tell) -> Found:
-    """What a new process finds at a point; its lines but the last one tell progress."""
+    """Measure a point in a new process, which prints progress as lists and the result as a dict."""
     program = Path(measure.__file__)
     program = program.with_name("paper.py") if point.networks == "paper" else program
     command = [sys.executable, str(program), json.dumps(asdict(point))]

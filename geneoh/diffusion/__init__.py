@@ -1,1 +1,1 @@
-"""Diffusion of any tensors: noise levels, samplers, preconditioning; it knows nothing of hands."""
+"""Diffusion of arbitrary tensors, independent of hands: schedules, samplers, preconditioning."""

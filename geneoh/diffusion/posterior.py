@@ -1,7 +1,7 @@
-"""Mean, width and samples of a density that is known up to a factor, by importance sampling.
+"""Mean, covariance and samples of an unnormalised density, by importance sampling.
 
-A stage whose unknown has few dimensions needs no chain of noise levels: places are drawn from a
-wide density, weighed by the one that is asked for, and drawn again where it is large, as the levels
+A stage whose unknown has few dimensions needs no chain of noise levels. Points are drawn from a
+wide proposal, weighted by the target density, and drawn again where it is large, much as the levels
 of a diffusion narrow from the input to the clean sample (population Monte Carlo, Cappé et al.
 2004).
 """
@@ -18,30 +18,30 @@ from geneoh.diffusion.samplers import normal_like
 from geneoh.progress import OnStep, steps
 
 LogDensity = Callable[[Float[Tensor, "B M D"]], Float[Tensor, "B M"]]
-"""From M places of each item of a batch to the logarithm of their density, up to a constant."""
+"""Log density, up to a constant, at M points of each batch item."""
 CAUTION = 0.05
-"""How strongly shifts that are smaller than their own uncertainty are drawn to zero: they may be no
-errors of the hand. On held-out made clips this halves what clean hands are moved by; ten times as
-much takes back half of what is won under lasting errors."""
+"""Shrinkage towards zero of shifts smaller than their own uncertainty, which may not be errors of
+the hand. On held-out synthetic clips it halves the displacement of clean hands; ten times the value
+loses half of the gain under lasting errors."""
 FLOOR = 1e-8
-"""Least variance along any direction, in the square of the unit of the places."""
+"""Variance that is added along every direction, in the squared unit of the points."""
 WIDEN = 1.2
-"""A round draws from a density that is wider by this factor than what the round before found."""
+"""Factor by which a round's proposal is wider than the density found in the previous round."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Mean of a density and a square root of its covariance, for each item of a batch."""
+    """Mean of a normal density and Cholesky factor of its covariance, for each batch item."""
 
     mean: Float[Tensor, "B D"]
     root: Float[Tensor, "B D D"]
     """Lower triangular."""
 
     def cautious(self, size: int) -> "Posterior":
-        """The same width around a mean that is drawn to zero where it is smaller than the width.
+        """The same covariance around a mean that is shrunk to zero where it is uncertain.
 
-        Groups of `size` numbers are scaled by z² / (z² + CAUTION), where z is the distance of their
-        mean from zero in units of their own deviation.
+        Each group of `size` coordinates is scaled by z² / (z² + CAUTION), where z is the
+        Mahalanobis distance of the group's mean from zero.
         """
         covariance = self.root @ self.root.mT
         groups = torch.arange(self.mean.shape[-1], device=self.mean.device).view(-1, size)
@@ -51,10 +51,11 @@ class Posterior:
         return Posterior((means * square / (square + CAUTION)).flatten(1), self.root)
 
     def samples(self, count: int, *, generator: torch.Generator) -> Float[Tensor, "S B D"]:
-        """Normal samples whose mean is exactly the mean: each has an opposite; one is the mean.
+        """Antithetic normal samples, whose average is exactly the mean; one is the mean itself if
+        `count` is odd.
 
-        The opposite ones are scaled so that their mean squared distance from the mean is that of
-        the density: that of a few draws says little of its width.
+        Deviations are scaled so that their mean squared length is the trace of the covariance,
+        which a few unscaled draws would miss.
         """
         half = self.mean.new_zeros(count // 2, *self.mean.shape)
         apart = (self.root @ normal_like(half, generator=generator)[..., None])[..., 0]
@@ -71,17 +72,17 @@ def along_a_track(
     agreement: Float[Tensor, "W W"],
     fresh: float,
 ) -> Posterior:
-    """The posterior of all W windows of a track together, of W D numbers, window by window.
+    """The joint posterior of all W windows of a track, over W D numbers in the order of windows.
 
-    Each window was judged with its own prior around zero included. This is taken out of each; what
-    is left is scaled by `fresh`, because overlapping windows see the same frames; and one normal
-    prior for all windows, in which any two correlate by `agreement`, is put back.
+    `each` has one posterior per window, with a zero-mean prior of its own. That prior is divided
+    out; the precision that is left is scaled by `fresh`, because overlapping windows share frames;
+    and a joint prior is multiplied in, in which windows have the correlations `agreement`.
     """
     total = each.mean.numel()
     prior_root, agreement = prior_root.double(), agreement.double()
     known = torch.cholesky_inverse(each.root.double())
     beyond, axes = torch.linalg.eigh(known - torch.linalg.inv(prior_root @ prior_root.mT))
-    # along some axes a window may say less than the prior: that is nothing
+    # along axes where the posterior is wider than the prior, the window has no information
     said = torch.block_diag(*(axes * (fresh * beyond.clamp(min=0))[:, None] @ axes.mT))
     toward = (
         axes * (fresh * (beyond > 0))[:, None] @ axes.mT @ known @ each.mean[..., None].double()
@@ -98,20 +99,20 @@ def along_a_track(
 
 @dataclass(frozen=True)
 class Proposal:
-    """A normal density that places are drawn from."""
+    """Normal proposal density of importance sampling."""
 
     mean: Float[Tensor, "B D"]
     root: Float[Tensor, "B D D"]
     count: int
-    """Places drawn for each item."""
+    """Points drawn for each batch item."""
 
     def draw(self, generator: torch.Generator) -> Float[Tensor, "B M D"]:
-        """Places of this density."""
+        """Points drawn from this density."""
         shape = self.mean.new_zeros(len(self.mean), self.count, self.mean.shape[-1])
         return self.mean[:, None] + normal_like(shape, generator=generator) @ self.root.mT
 
     def log_density(self, places: Float[Tensor, "B M D"]) -> Float[Tensor, "B M"]:
-        """Logarithm of this density times its count, without the constant of the normal."""
+        """Log of this density times `count`, without the normal's constant."""
         apart = (places - self.mean[:, None]).mT
         unit = torch.linalg.solve_triangular(self.root, apart, upper=False)
         volume = self.root.diagonal(dim1=-2, dim2=-1).log().sum(-1)
@@ -127,10 +128,10 @@ def importance_posterior(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Posterior:
-    """Mean and width of a density over places around zero, which is known up to a factor.
+    """Mean and covariance of an unnormalised density around zero.
 
-    In each round so many places of every item are drawn where those before were probable, the first
-    with the covariance whose square root is given.
+    Each of `rounds` rounds draws `places` points per item from a normal proposal that is fitted to
+    all points so far; the first proposals have zero mean and multiples of the prior's covariance.
     """
     start = torch.linalg.cholesky(prior_root @ prior_root.mT)
     zero = start.new_zeros(start.shape[:-1])
@@ -147,14 +148,14 @@ def importance_posterior(
         asked = torch.cat([asked, log_density(new)], dim=1)
         used += upcoming
         mixture = torch.stack([proposal.log_density(drawn) for proposal in used]).logsumexp(0)
-        share = (index + 1) / rounds  # a flatter density first: its few best places may mislead
+        share = (index + 1) / rounds  # a tempered density first, else few points take all weight
         found = _weighed(drawn, (share * asked - mixture).softmax(1))
         upcoming = [Proposal(found.mean, WIDEN * found.root, places)]
     return found
 
 
 def _weighed(places: Float[Tensor, "B M D"], weight: Float[Tensor, "B M"]) -> Posterior:
-    """Mean and covariance of weighed places."""
+    """Mean and covariance of weighted points."""
     mean = (weight[..., None] * places).sum(1)
     apart = places - mean[:, None]
     covariance = (weight[..., None] * apart).mT @ apart

@@ -21,7 +21,7 @@ class Scaling:
     out: Float[Tensor, "*S"]
     inp: Float[Tensor, "*S"]
     level: Float[Tensor, "*S"]
-    """Input of the network that tells the noise: a quarter of the log noise-to-scale ratio."""
+    """Noise level as the network reads it: a quarter of the log noise-to-scale ratio."""
 
     @classmethod
     def of(cls, sigma: Float[Tensor, "*S"], scale: Float[Tensor, "*S"]) -> "Scaling":
@@ -38,7 +38,10 @@ def preconditioned(
     sigma: Float[Tensor, "*N"],
     scale: Float[Tensor, "*N"],
 ) -> Float[Tensor, "*S"]:
-    """The clean sample in `x` = clean + sigma * noise, by a network of (scaled input, level)."""
+    """Estimate of the clean sample of `x` = clean + sigma * noise, in the unit of `x`.
+
+    `network` maps (scaled input, `Scaling.level`) to the scaled output.
+    """
     scaling = Scaling.of(sigma, scale)
     residual = x - anchor
     return (
@@ -49,5 +52,5 @@ def preconditioned(
 
 
 def loss_weight(sigma: Float[Tensor, "*N"], scale: Float[Tensor, "*N"]) -> Float[Tensor, "*N"]:
-    """Weight by which the squared error of `preconditioned` is of unit scale at any noise level."""
+    """Loss weight that makes the squared error of `preconditioned` of unit scale at any noise."""
     return 1 / torch.minimum(sigma, scale) ** 2

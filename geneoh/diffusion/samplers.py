@@ -1,8 +1,8 @@
-"""Samplers: what a step of the reverse process makes of a sample and a model's clean one of it.
+"""Samplers: steps of the reverse process, from a noisy sample and the model's clean estimate of it.
 
-They work on any tensors and know nothing of hands. Samples and noise levels are in the same unit,
-which the caller chooses so that the data are of size one. Noise is drawn on the CPU and moved, so
-it is the same on every device.
+They work on any tensors. Samples and noise levels are in the same unit, which the caller chooses so
+that the data have about unit variance. Noise is drawn on the CPU and moved, so it is the same on
+every device.
 """
 
 import itertools
@@ -17,10 +17,10 @@ from torch import Tensor
 from geneoh.progress import OnStep, steps
 
 Model = Callable[[Tensor, float], Tensor]
-"""From a noisy sample and its noise level to the clean sample."""
+"""From a noisy sample and its noise level to an estimate of the clean sample."""
 Step = Callable[[Tensor, Tensor, float, float], Tensor]
-"""From a noisy sample, the clean one behind it, its noise level and a lower one to the sample of
-that level."""
+"""From a noisy sample, the model's clean estimate of it, its noise level and the next lower level
+to the sample at that lower level."""
 SamplerName = Literal["ancestral", "ddim", "direct"]
 """Sampler of the reverse process; "direct" is a single call on the input without added noise."""
 
@@ -33,9 +33,9 @@ def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[
 def antithetic_noise(
     x: Float[Tensor, "*S"], *, samples: int, generator: torch.Generator
 ) -> Float[Tensor, "*S"]:
-    """Standard normal noise whose second half of the samples is the negative of the first half.
+    """Standard normal noise: the second half of the samples has the negated noise of the first.
 
-    Odd functions of it cancel in the mean. Samples lie along the first axis of `x`.
+    Odd functions of the noise cancel in the mean. Samples lie along the first axis of `x`.
     """
     half = normal_like(x[: len(x) // samples * ((samples + 1) // 2)], generator=generator)
     return torch.cat([half, -half])[: len(x)]
@@ -49,7 +49,7 @@ def reverse_process(
     *,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
-    """A sample of noise level sigmas[0] after the steps of a sampler have taken its noise away."""
+    """The clean sample: `x`, of noise level sigmas[0], after all steps of a sampler."""
     for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
         x = step(x, model(x, sigma), sigma, after)
     return x
@@ -80,8 +80,8 @@ def ddim(x: Tensor, clean: Tensor, sigma: float, after: float) -> Tensor:
 def multistep() -> Step:
     """Deterministic DPM-Solver++(2M) (Lu et al. 2022, algorithm 2): `ddim` of second order.
 
-    Each step also looks at how the answer has changed since the step before. Few steps of `ddim`
-    leave samples too close to the mean of the data; as few of this one do not.
+    Each step extrapolates the change of the clean estimate since the previous step. With few steps,
+    `ddim` leaves samples too close to the mean of the data; this solver does not.
     """
     last: tuple[Tensor, float] | None = None
 
@@ -89,7 +89,7 @@ def multistep() -> Step:
         nonlocal last
         ahead = clean
         if after > 0:
-            width = math.log(sigma / after)  # of the step, in the logarithm of the noise
+            width = math.log(sigma / after)  # step size in log sigma
             if last is not None:
                 ahead = clean + width / (2 * last[1]) * (clean - last[0])
             last = clean, width
@@ -111,9 +111,9 @@ def denoise_via_diffusion(
 ) -> Float[Tensor, "*S"]:
     """Algorithm 1 of the paper: add noise of level sigmas[0], then run the reverse process.
 
-    Samples lie along the first axis and start from antithetic noise (see `antithetic_noise`), or
-    from the standard normal `noise` that is given. The ablation "direct" is the model's answer to
-    the input itself, given the level sigmas[0].
+    Samples lie along the first axis and start from the standard normal `noise`, or from
+    `antithetic_noise` if it is None. "direct", an ablation, is a single call of the model on the
+    input without added noise, at level sigmas[0].
     """
     if sampler == "direct":
         clean = model(x, float(sigmas[0]))

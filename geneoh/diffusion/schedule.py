@@ -1,8 +1,8 @@
 """Noise schedules as plain tensors of noise-to-signal ratios.
 
-Everywhere in geneoh a diffused sample is kept as x_n / sqrt(abar_n) = x_0 + sigma_n * eps, which is
-eq. (6) of the paper divided by its signal scale, so sigma has the unit of the data and is relative
-to data of unit variance here: sigma_n = sqrt((1 - abar_n) / abar_n).
+Everywhere in geneoh a diffused sample is stored as x_n / sqrt(abar_n) = x_0 + sigma_n * eps: eq.
+(6) of the paper divided by its signal scale. Sigma therefore has the unit of the data; the
+schedules here are for data of unit variance: sigma_n = sqrt((1 - abar_n) / abar_n).
 """
 
 from functools import cache
@@ -13,9 +13,9 @@ from torch import Tensor
 
 PAPER_STEPS = 1000
 NOISIEST, CLEAREST = 992, 7
-"""Levels of `cosine_sigmas` beyond which answers hardly change: noise of 80, with which Karras et
-al. 2022 start, and of 0.02."""
-COSINE_OFFSET = 0.008  # of the cosine schedule, against steps of hardly any noise
+"""Levels of `cosine_sigmas` beyond which a network's output hardly changes: sigma 80, the largest
+of Karras et al. 2022, and 0.02."""
+COSINE_OFFSET = 0.008  # s of the cosine schedule, against too small betas at the first levels
 
 
 def linear_sigmas(
@@ -31,9 +31,9 @@ def linear_sigmas(
 
 
 def cosine_sigmas() -> Float[Tensor, " N"]:
-    """The same under the cosine schedule, with betas of at most 0.999.
+    """As `linear_sigmas`, under the cosine schedule with betas of at most 0.999.
 
-    Source: Nichol and Dhariwal 2021, eq. (17); Text2HOI diffuses with it.
+    Source: Nichol and Dhariwal 2021, eq. (17); the schedule of Text2HOI.
     """
     time = torch.linspace(0, 1, PAPER_STEPS + 1, dtype=torch.float64)
     signal = torch.cos((time + COSINE_OFFSET) / (1 + COSINE_OFFSET) * torch.pi / 2).square()
@@ -44,7 +44,7 @@ def cosine_sigmas() -> Float[Tensor, " N"]:
 
 @cache
 def cosine_levels(device: torch.device) -> Float[Tensor, " N"]:
-    """`cosine_sigmas` of all levels in single precision, kept on a device."""
+    """`cosine_sigmas` in float32, cached per device."""
     return cosine_sigmas().float().to(device)
 
 
@@ -53,8 +53,8 @@ def descending_sigmas(
 ) -> Float[Tensor, " M"]:
     """Noise levels of a sampler from `level` (at most PAPER_STEPS) to 0 in `steps` even steps.
 
-    They are for unit variance; `level` steps visit every level, as in the paper, and so do more.
-    `sigmas` are those of all levels, `linear_sigmas` where they are not given.
+    With `steps` of at least `level`, every level is visited once, as in the paper. `sigmas` are
+    those of all levels, for data of unit variance; `linear_sigmas` by default.
     """
     sigmas = linear_sigmas() if sigmas is None else sigmas
     levels = torch.linspace(level, 0, min(steps, level) + 1, dtype=torch.float64).round().long()
@@ -62,9 +62,9 @@ def descending_sigmas(
 
 
 def logarithmic_sigmas(steps: int, sigmas: Float[Tensor, " N"]) -> Float[Tensor, " M"]:
-    """Noise levels of a sampler from `NOISIEST` to `CLEAREST`, even in their logarithm, and then 0.
+    """Noise levels of a sampler: `steps` from `NOISIEST` to `CLEAREST`, even in log sigma, then 0.
 
-    It asks a network `steps` times; `sigmas` are the noise of all levels of that.
+    The sampler calls the network `steps` times; `sigmas` are those of all levels of its schedule.
     """
     most, least = (float(sigmas[level].log10()) for level in (NOISIEST, CLEAREST))
     levels = torch.logspace(most, least, steps, dtype=torch.float64)

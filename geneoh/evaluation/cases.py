@@ -1,4 +1,4 @@
-"""Cases: a clip under one noise and seed, known by name and read where it is needed."""
+"""Test cases: a clip with one kind of noise and one seed, read from disk only when needed."""
 
 import logging
 from dataclasses import dataclass, field, replace
@@ -32,7 +32,7 @@ CaseKey = tuple[str, str, str, int]  # data set, clip, noise and seed
 
 @dataclass(frozen=True)
 class Case:
-    """A clip under one noise and seed; small until it is read, so that it can go to a worker."""
+    """A clip with one noise and seed; small until it is read, so that it can go to a worker."""
 
     dataset: Dataset
     clip: Clip
@@ -43,7 +43,7 @@ class Case:
 
     @property
     def key(self) -> CaseKey:
-        """Tells this case from every other one."""
+        """Unique key of this case."""
         return self.dataset, self.clip.name, self.noise, self.seed
 
     @property
@@ -53,7 +53,7 @@ class Case:
 
     @cached_property
     def recording(self) -> Sequence:
-        """The clip as it was recorded or made."""
+        """The clip as it was recorded or synthesized."""
         return self.clip.read()
 
     @property
@@ -63,7 +63,7 @@ class Case:
 
     @cached_property
     def noisy(self) -> Sequence:
-        """The clip as a method gets to see it."""
+        """The noisy clip, the input of every method."""
         if self.stored is None:
             return noisy_input(
                 self.recording, self.dataset, self.clip.name, self.noise, self.seed, self.protocol
@@ -78,10 +78,11 @@ class Case:
         )
 
     def read_stored(self, path: Path) -> Sequence:
-        """A version of the clip that somebody stored, with the clip's own meshes.
+        """Read a noisy input or a prediction for this clip from a file, with the clip's meshes.
 
-        Where the file says nothing of the object it is the clip's. A hand of parameters alone has
-        keypoints by the user's MANO where its betas are MANO's, else by our hand, which is logged.
+        A file without object poses gets those of the clip. For a hand with pose parameters only,
+        keypoints are computed with the user's MANO if the betas are MANO's, else with our hand,
+        which is logged.
         """
         side, mano_dir = self.recording.hands[0].side, self.protocol.mano_dir
         fields = read_fields(path)
@@ -106,8 +107,8 @@ class Case:
 
 
 def find_cases(options: EvaluationOptions) -> list[Case]:
-    """The cases of an evaluation by name of the clip, each clip under every noise and seed."""
-    # A missing data set is reported before anything else: without it no other choice matters.
+    """The cases of an evaluation, sorted by clip name: each clip with every noise and seed."""
+    # A missing data set is reported first, because without it no other option matters.
     by_file = clips_by_file(options.dataset, options.root, options.protocol)
     if options.noisy_inputs is not None:
         check_folder(options.noisy_inputs, "--twins")
@@ -132,7 +133,7 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
 
 
 def check_folder(folder: Path, option: str) -> None:
-    """Refuse a folder of a file for each case that is not there."""
+    """`MissingAssetError` if the folder of case files that an option names does not exist."""
     if not folder.is_dir():
         raise MissingAssetError(
             f"{option} {folder}: expected a folder of files CLIP_NOISE_SEED.npz, found none; "
@@ -141,10 +142,10 @@ def check_folder(folder: Path, option: str) -> None:
 
 
 def write_inputs(cases: list[Case], folder: Path) -> int:
-    """Write every case's noisy input with its meshes, for other methods to clean; how many.
+    """Write every case's noisy input, for other methods to clean; returns the number of files.
 
     The files are named as `--predictions` and `--twins` expect them. The meshes are in `objects/`,
-    one per part of each clip. Nothing is written where a file of the data set cannot be read.
+    one per part of each clip. Nothing is written if a file of the data set cannot be read.
     """
     for error in (case.clip.error for case in cases):
         if error is not None:

@@ -1,4 +1,4 @@
-"""Distributions that describe hands and their motion, to compare two sources of them."""
+"""Distributions of quantities of hands and their motion, to compare two sources of clips."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class Quantiles:
 
 
 def quantiles(values: Float[Tensor, " N"]) -> Quantiles:
-    """Quantiles of a sample, linear between its values; NaN of an empty one."""
+    """Quantiles of a sample, linearly interpolated; NaN if it is empty."""
     if not len(values):
         return Quantiles(*(float("nan"),) * 3)
     return Quantiles(*np.quantile(values.double().numpy(force=True), (0.05, 0.5, 0.95)).tolist())
@@ -39,12 +39,12 @@ def quantiles(values: Float[Tensor, " N"]) -> Quantiles:
 def ks_distance(first: Float[Tensor, " N"], second: Float[Tensor, " M"]) -> float:
     """Kolmogorov-Smirnov statistic of two samples: 0 for equal distributions, 1 for disjoint ones.
 
-    NaN where a sample is empty.
+    NaN if a sample is empty.
     """
     if not len(first) or not len(second):
         return float("nan")
     one, other = (values.double().numpy(force=True) for values in (first, second))
-    # The p-value is not used; its exact form would take minutes on samples of this size.
+    # The p-value is not used; its exact computation would take minutes on samples of this size.
     statistic, _ = ks_2samp(one, other, method="asymp")
     return float(statistic)  # pyright: ignore[reportArgumentType]  # scipy gives no types
 
@@ -52,16 +52,16 @@ def ks_distance(first: Float[Tensor, " N"], second: Float[Tensor, " M"]) -> floa
 def motion_size(
     points: Float[Tensor, "*B T P 3"], fps: float, order: int
 ) -> Float[Tensor, "*B L P"]:
-    """Size of each point's velocity (order 1, m/s) or acceleration (order 2, m/s²)."""
+    """Norm of each point's velocity (order 1, m/s) or acceleration (order 2, m/s²)."""
     return finite_difference(points, order).norm(dim=-1) * fps**order
 
 
 def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
-    """Joint angles that follow from keypoints alone, in radians, named by `ANGLES`.
+    """Joint angles computed from keypoints alone, in radians, in the order of `ANGLES`.
 
-    Flexion is the angle between a bone and the one before it, zero for a straight finger; the
-    first bone is from the wrist to the base. Spread is the angle between the finger's first two
-    bones seen along the palm's normal, positive from the index finger's side to the little one's.
+    Flexion is the angle between a bone and its parent, zero for a straight finger; the first bone
+    goes from the wrist to the base. Spread is the signed angle about the palm's normal between the
+    finger's first two bones, positive towards the little finger.
     """
     chains = joints[..., 1:, :].unflatten(-2, (5, 4))
     wrist = joints[..., None, None, WRIST, :].expand(*chains.shape[:-2], 1, 3)
@@ -78,14 +78,14 @@ def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
 
 
 def correlations(values: Float[Tensor, "N D"]) -> Float[Tensor, " K"]:
-    """Correlation of each pair of columns: first with second, first with third, and so on."""
+    """Correlation coefficient of each pair of columns: (1, 2), (1, 3) and so on; 0 for NaN."""
     matrix = torch.corrcoef(values.double().T).nan_to_num()
     a, b = torch.triu_indices(values.shape[1], values.shape[1], 1)
     return matrix[a, b].float()
 
 
 def palm_basis(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 3 3"]:
-    """Axes of each frame's palm as columns: to the index finger's base, across, palm normal."""
+    """Palm axes of each frame as columns: to the index finger's base, across, palm normal."""
     index = joints[..., INDEX, :] - joints[..., WRIST, :]
     pinky = joints[..., PINKY, :] - joints[..., WRIST, :]
     normal = torch.linalg.cross(index, pinky)

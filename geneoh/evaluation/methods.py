@@ -1,6 +1,6 @@
-"""Methods: every way of cleaning that an evaluation compares, ours among them.
+"""The methods that an evaluation compares: geneoh, ablations, baselines and filters.
 
-A method uses the noisy clip alone; the one that also looks at the ground truth says so in its name.
+A method uses only the noisy clip; those that also use the ground truth are marked in their name.
 """
 
 from collections.abc import Callable, Iterator
@@ -47,32 +47,32 @@ DOMAINS: tuple[filters.Domain, ...] = ("keypoints", "parameters")
 
 @dataclass(frozen=True)
 class CleanedHand:
-    """What a method makes of a clip's hand, world frame, metres; every frame of it is scored."""
+    """The result of a method for a clip's hand, world frame, metres; every frame is scored."""
 
     joints: Float[Tensor, "T 21 3"]
-    verts: Float[Tensor, "T V 3"] | None = None  # the method's own mesh; else one is fitted to them
+    verts: Float[Tensor, "T V 3"] | None = None  # the method's mesh; None: one is fitted to joints
     result: Denoised | None = None  # geneoh's whole result, for the page in 3D
 
     @property
     def spread(self) -> Float[Tensor, "T 21"] | None:
-        """Expected error of the keypoints (`HandTrack.joint_spread`), metres, where it is known."""
+        """Expected error of the keypoints (`HandTrack.joint_spread`), metres; None if unknown."""
         return None if self.result is None else self.result.sequence.hands[0].joint_spread
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way of cleaning."""
+    """A method of cleaning a hand."""
 
     name: str  # name of the method in every table
     clean: Callable[[Case], CleanedHand]
-    """The cleaned hand; `InputError` if the clip lacks what the method needs. A function of this
-    module, some with arguments (`functools.partial`), so that it can be sent to another process."""
+    """Cleans the hand of a case; `InputError` if the clip lacks a field that the method needs. It
+    is picklable: a function of this module, or `functools.partial` of one."""
     has_pages: bool = False  # whether its results can be shown in 3D
-    may_change: bool = False  # the next run may find other results: scores are not reused
+    may_change: bool = False  # whether results may change between runs; then scores are not reused
 
 
 def unchanged(case: Case) -> CleanedHand:
-    """The noisy hand itself, its gaps filled on straight lines."""
+    """The noisy hand itself, with linearly interpolated gaps."""
     return CleanedHand(joints_of(case.noisy))
 
 
@@ -83,13 +83,13 @@ def filtered_hand(case: Case, kind: filters.FilterKind, domain: filters.Domain) 
 
 
 def best_filtered_hand(case: Case, domain: filters.Domain) -> CleanedHand:
-    """The filter and size that are best on this very clip, chosen with the ground truth."""
+    """The filter and size with the smallest error on this clip, chosen with the ground truth."""
     truth, hand = truth_of(case), hand_with(case, domain)
     return CleanedHand(filters.best_filtered(hand, truth, domain, case.noisy.fps))
 
 
 def hand_with(case: Case, domain: filters.Domain) -> HandTrack:
-    """The noisy hand; `InputError` where it has nothing of that kind to filter."""
+    """The noisy hand; `InputError` if it cannot be filtered in this domain."""
     hand = case.noisy.hands[0]
     if domain not in filters.domains_of(hand):
         raise InputError("filters on parameters need a pose, which the clips' hands do not have")
@@ -97,19 +97,19 @@ def hand_with(case: Case, domain: filters.Domain) -> HandTrack:
 
 
 def truth_of(case: Case) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of the ground truth; `InputError` without any."""
+    """Keypoints of the ground truth; `InputError` if there is none."""
     if case.clean is None:
         raise InputError(f"needs the ground truth, which clips with noise {case.noise} do not have")
     return joints_of(case.clean)
 
 
 def centroid_hand(case: Case) -> CleanedHand:
-    """The hand moved with its smoothed middle, as another pipeline does."""
+    """The hand moved with its smoothed centroid; see `filters.smoothed_centroid`."""
     return CleanedHand(filters.smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
 
 
 def best_offset_hand(case: Case) -> CleanedHand:
-    """The filter and the offset for all frames that together are best, by the ground truth."""
+    """The filter and constant offset with the smallest error, chosen with the ground truth."""
     moved = filters.best_filtered_and_moved(case.noisy.hands[0], truth_of(case), case.noisy.fps)
     return CleanedHand(moved)
 
@@ -117,7 +117,7 @@ def best_offset_hand(case: Case) -> CleanedHand:
 def optimised_hand(
     case: Case, source: HandSource = "embedded", mano_dir: Path | None = None
 ) -> CleanedHand:
-    """Nothing learned: a tuned filter, then our fit with its contact and smoothness terms."""
+    """Optimisation only: a tuned filter, then our fit with its contact and smoothness terms."""
     hand, motion = case.noisy.hands[0], case.noisy.object
     domain = filters.domains_of(hand)[-1]
     target = filters.filtered(hand, filters.TUNED["savgol", domain], domain, case.noisy.fps)[None]
@@ -136,12 +136,12 @@ def optimised_hand(
 
 
 def predicted_hand(case: Case, baseline: BaselineName, weights: Path | None = None) -> CleanedHand:
-    """The prediction of a network, in one call, that was trained on the cleaner's own data."""
+    """The prediction of a baseline network, trained on the cleaner's data, in one call."""
     network = network_of(baseline, weights)
     return CleanedHand(predicted_joints(network, case.noisy, seed=case.seed))
 
 
-network_of = cache(networks.load_baseline)  # read once in a process
+network_of = cache(networks.load_baseline)  # loaded once per process
 
 
 @torch.no_grad()
@@ -151,7 +151,7 @@ def predicted_joints(
     """Keypoints that a baseline predicts for the first hand of a sequence, world frame, metres.
 
     As in the cleaner, left hands are mirrored, other frame rates resampled, and windows blended.
-    `seed` is that of the points that are drawn on the object's surface.
+    `seed` seeds the sampling of points on the object's surface.
     """
     hand = normalised_hands(sequence)[0]
     subject = subject_of(hand.track, load_hand("right"))
@@ -171,7 +171,7 @@ def predicted_joints(
 
 
 def denoised_hand(case: Case, options: Options) -> CleanedHand:
-    """The track cleaned by geneoh with the seed of the case, and its own mesh."""
+    """The track cleaned by geneoh with the seed of the case, and the mesh of the result."""
     noisy = checked_interaction(case.noisy)
     result = clean_interaction(noisy, replace(options, seed=case.seed))
     hand = result.sequence.hands[0]
@@ -184,11 +184,12 @@ def denoised_hand(case: Case, options: Options) -> CleanedHand:
 
 
 def stored_hand(case: Case, folder: Path) -> CleanedHand:
-    """The result of another method, from a folder of one file for each case (`Case.file_name`).
+    """The result of another method, from a folder with one file per case (`Case.file_name`).
 
     Raises:
-        InputError: it cannot be read, or lacks frames in which the input was observed: a method
-            could otherwise leave out those that it is bad at.
+        MissingAssetError: the file is missing.
+        InputError: it cannot be read, or lacks frames in which the input was observed: otherwise a
+            method could leave out difficult frames.
     """
     path = folder / case.file_name
     if not path.is_file():
@@ -207,14 +208,14 @@ def stored_hand(case: Case, folder: Path) -> CleanedHand:
 
 
 def joints_of(sequence: Sequence) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a sequence's hand, gaps filled; those of our hand if it has only a pose."""
+    """Keypoints of a sequence's hand, gaps filled; computed with our hand if it has only a pose."""
     hand = sequence.hands[0]
     joints = fill_gaps(hand).joints
     return subject_of(hand, load_hand(hand.side)).joints if joints is None else joints
 
 
 def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[str, ...]]:
-    """The methods in the order of the table, and notes on those that had to be left out."""
+    """The methods in the order of the table, and notes on default methods that are left out."""
     methods: list[Method] = []
     notes: list[str] = []
     noises = options.noises or options.defaults.noises
@@ -243,7 +244,7 @@ def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[st
 
 
 def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Method]:
-    """The methods behind one name."""
+    """The methods that one name of the option `methods` stands for."""
     cleaner = options.cleaner
     match name:
         case "input":
@@ -281,7 +282,7 @@ def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Meth
 
 
 def geneoh_method(options: Options) -> Method:
-    """Geneoh with its options, named by preset and by what was left out of it."""
+    """Geneoh with these options, named by its preset and the ablated part."""
     less = "".join(f", w/o {part}" for part in options.without)
     name = f"geneoh {options.preset}{less}"
     return Method(name, partial(denoised_hand, options=options), has_pages=True)

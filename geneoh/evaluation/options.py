@@ -1,6 +1,6 @@
-"""What a user can choose about an evaluation, and what is scored where he chooses nothing.
+"""The options of an evaluation and their defaults.
 
-The protocols' defaults are the paper's text (GeneOH Diffusion, C.1) wherever it gives one.
+The protocols' defaults follow the paper's text (GeneOH Diffusion, C.1) where it specifies them.
 """
 
 import math
@@ -15,18 +15,18 @@ from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 
 LIMITS: Limits = dict.fromkeys(("limit", "close_frames"), (1, math.inf))
-"""Least and largest of numbers that are chosen."""
+"""Smallest and largest value of numeric options."""
 SEEDS = (11, 22, 77)  # seeds of the paper's Table 5
 DEFAULT_METHODS: tuple[choices.MethodName, ...] = (
     *("input", "savgol", "centroid", "best-filter", "best-offset", "optimisation"),
     *("toch", "regression", "one-call", "geneoh"),
 )
-"""The Gaussian and the One-Euro filter are left out: they are candidates of the best filter."""
+"""Without the Gaussian and the One-Euro filter, which are among the candidates of best-filter."""
 
 
 @dataclass(frozen=True)
 class DatasetDefaults:
-    """What is scored on a data set unless the user chooses something else."""
+    """The default noises, seeds and frames of a data set."""
 
     noises: tuple[choices.CaseNoise, ...]
     seeds: tuple[int, ...] = SEEDS
@@ -35,7 +35,7 @@ class DatasetDefaults:
 
 
 DEFAULTS: dict[choices.Dataset, DatasetDefaults] = {
-    # Many short clips: one seed and a few frames of each say as much as more of fewer clips.
+    # There are many short clips, so that one seed and a few frames of each suffice.
     "synthetic": DatasetDefaults(("gauss", "beta"), SEEDS[:1], 5),
     "taco": DatasetDefaults(("gauss", "beta")),
     "grab": DatasetDefaults(("paper",)),
@@ -54,9 +54,9 @@ class ProtocolOptions(Limited):
 
     windows: Literal["all", "first", "whole"] = "all"
     """Windows of `frames` every `stride` frames (paper); only the first window of each recording
-    (released code); or the whole recording, which is what a user cleans."""
+    (released code); or whole recordings, as a user cleans them."""
     frames: int = 60
-    """Length of a window, and the shortest stretch that counts, in frames of the protocol."""
+    """Length of a window, and the shortest usable stretch, in frames of the protocol."""
     stride: int = 30
     """Frames between the starts of two windows."""
     noise_sizes: Literal["paper", "code"] = "paper"
@@ -70,8 +70,7 @@ class ProtocolOptions(Limited):
     """ARCTIC: largest distance from the wrist to the object: 15 cm (paper) or 38.7 cm, because the
     released code compares the squared distance with 0.15."""
     object_noise: choices.ObjectNoise | None = None
-    """Noise on the object's poses that the methods see; scores are measured on the true ones. None:
-    the methods see the true poses."""
+    """Noise on the object poses in the input; scores use the true poses. None: no noise."""
     mano_dir: Path | None = None
     """Folder of the user's MANO files; GRAB and ARCTIC need it."""
     objects: Path | None = None
@@ -79,26 +78,26 @@ class ProtocolOptions(Limited):
 
     @property
     def reader_options(self) -> ReaderOptions:
-        """What the readers of data sets need to know."""
+        """The options for the readers of data sets."""
         return ReaderOptions(mano_dir=self.mano_dir, objects=self.objects)
 
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """Which clips are scored, under which noise, which methods clean them, and how exactly."""
+    """The clips, noises and methods of an evaluation, and how results are measured."""
 
     dataset: choices.Dataset
     """The data set, which has a protocol of its own; see `geneoh.evaluation.protocols.datasets`."""
     root: Path | None = None
-    """Folder of the user's copy of the data set; without it the environment variable
-    GENEOH_DATA_NAME names one. `synthetic` and the example of `taco` need none."""
+    """Folder of the user's copy of the data set; by default that in the environment variable
+    GENEOH_DATA_NAME. `synthetic` and the example of `taco` need none."""
     noises: tuple[choices.CaseNoise, ...] = ()
-    """Noises to put on each clip; empty: the data set's own."""
+    """Noises to put on each clip; empty: the defaults of the data set."""
     seeds: tuple[int, ...] = ()
     """Seeds of the noise and of the methods that sample; empty: the paper's three, for `synthetic`
     the first of them."""
     limit: int | None = None
-    """Most clips to score, spread over the recordings; None: all."""
+    """Largest number of clips to score, spread over the recordings; None: all."""
     methods: tuple[choices.MethodName, ...] = ()
     """Methods to compare; empty: `DEFAULT_METHODS` without baselines whose weights are missing."""
     presets: tuple[choices.PresetName, ...] = ("default",)
@@ -108,23 +107,23 @@ class EvaluationOptions:
     predictions: tuple[Path, ...] = ()
     """Folders of results of other methods, one `CLIP_NOISE_SEED.npz` for each case."""
     noisy_inputs: Path | None = None
-    """Folder of noisy clips, named in the same way, that are used instead of drawing noise."""
+    """Folder of noisy clips, named like predictions, that are used instead of drawing noise."""
     protocol: ProtocolOptions = field(default_factory=ProtocolOptions)
     """How clips are cut and how the paper's noise is drawn."""
     cleaner: Options = field(default_factory=Options)
-    """Options of geneoh: samples, selection, steps, hand model, weights. Its preset and its seed
-    are set from `presets` and `seeds`; its hand model is also the one that every method without a
-    mesh of its own is measured with."""
+    """Options of geneoh: samples, selection, steps, hand model, weights. Preset and seed are set
+    from `presets` and `seeds`. The hand model is also fitted to the keypoints of methods without a
+    mesh of their own."""
     close_frames: int | None = None
     """Frames of a clip in which intersection volume and contact on the object, the expensive
     metrics, are measured; None: 20, for `synthetic` 5."""
 
     def __post_init__(self) -> None:
-        """Take lists and paths given as text; what is named twice is one.
+        """Convert lists and paths given as text, and drop duplicates.
 
         Raises:
-            ConfigError: a value is of another type than its field's, or none of its choices, or
-                the cleaner has a preset or a seed that is not scored.
+            ConfigError: a value has the wrong type, or is none of the choices of its field, or the
+                cleaner has a preset or a seed that is not scored.
         """
         check_fields(self, LIMITS)
         for name in ("noises", "seeds", "methods", "presets", "ablations", "predictions"):
@@ -143,10 +142,10 @@ class EvaluationOptions:
 
     @property
     def defaults(self) -> DatasetDefaults:
-        """What is scored where noises, seeds or close frames are not chosen."""
+        """The defaults of the data set for noises, seeds and close frames."""
         return DEFAULTS[self.dataset]
 
     @property
     def closely_measured(self) -> int:
-        """Most frames of a clip that the expensive metrics see: spread evenly, for all methods."""
+        """Largest number of frames per clip, evenly spread, for the expensive metrics."""
         return self.close_frames or self.defaults.close_frames

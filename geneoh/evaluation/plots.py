@@ -1,4 +1,4 @@
-"""The report's plots as SVG text, by matplotlib, which is an optional extra; always the same."""
+"""The report's plots as deterministic SVG text, by matplotlib, which is an optional extra."""
 
 import io
 import re
@@ -14,16 +14,16 @@ from geneoh.hand.skeleton import KEYPOINT_FINGERS
 
 EXTRA = 'pip install "geneoh[plots]"'  # installs matplotlib
 STYLE: Any = {
-    "svg.fonttype": "none",  # text stays text: small, and searchable
-    "svg.hashsalt": "geneoh",
+    "svg.fonttype": "none",  # keeps text as text, which is small and searchable
+    "svg.hashsalt": "geneoh",  # for the same ids in every run
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "legend.frameon": False,
 }
-OURS = "geneoh"  # beginning of the names of our methods, in full colours; others are pale
+OURS = "geneoh"  # prefix of the names of our methods, which have strong colours; others are pale
 WIDTH = 7.6  # width of every plot in inches
-BAR, GAP = 0.17, 0.25  # height in inches of a bar and of the gap between two noises
+BAR, GAP = 0.17, 0.25  # height in inches of a bar, and of the gap between two noises
 
 
 def available() -> bool:
@@ -32,7 +32,7 @@ def available() -> bool:
 
 
 def bars(blocks: Sequence[TableBlock], key: str) -> str:
-    """One measure of every method under every noise, with its interval, else its deviation."""
+    """Bar plot of one measure of all methods and noises, with its interval or else deviation."""
     methods = list(dict.fromkeys(method for block in blocks for method in block.cells))
     figure, axes = canvas(0.9 + BAR * len(methods) * len(blocks) + GAP * len(blocks))
     place, ticks, names = 0.0, [], []
@@ -58,7 +58,7 @@ def bars(blocks: Sequence[TableBlock], key: str) -> str:
 def mean_errors(
     scores: Sequence[Score], methods: Sequence[str], over: Literal["frame", "joint"]
 ) -> str:
-    """Mean error of each frame or of each keypoint, over all clips and seeds."""
+    """Line plot of the mean error of each frame or each keypoint, over all clips and seeds."""
     figure, axes = canvas(3.2)
     style: Any = {"marker": "."} if over == "joint" else {}
     for method in methods:
@@ -79,7 +79,7 @@ def mean_errors(
 
 
 def before_after(scores: Sequence[Score], methods: Sequence[str]) -> str:
-    """Each case: its input's error and its error after cleaning; above the line it grew."""
+    """Scatter plot of each case's error before and after cleaning; above the line it grew."""
     key = "mpjpe_mm"
     measured = [score for score in scores if score.values.get(key) is not None]
     inputs = {score.case_key: score.values[key] for score in measured if score.method == "input"}
@@ -108,7 +108,7 @@ def title_of(key: str) -> str:
 
 
 def column_means(tracks: Sequence[Sequence[float | None]]) -> list[float]:
-    """Mean of each column over tracks that may differ in length; NaN without any number."""
+    """Mean of each column over tracks that may differ in length; NaN without any value."""
     columns = [[x for x in column if x is not None] for column in zip_longest(*tracks)]
     return [fmean(column) if column else float("nan") for column in columns]
 
@@ -127,7 +127,7 @@ def colour(method: str, methods: Sequence[str]) -> Any:
 
 
 def canvas(height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:
-    """A figure of this height in inches, which needs no window system, and its axes."""
+    """A figure of this height in inches, without a window, and its axes."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure

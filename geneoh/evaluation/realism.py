@@ -1,10 +1,10 @@
-"""How near synthetic interactions are to a real recording: a report.
+"""A report on how similar synthetic interactions are to a real recording.
 
 Both are described by the same measures of a right hand at 30 frames a second: speed and
-acceleration of wrist and fingertips, angles between the bones, contact and depth of the mesh, and
+acceleration of wrist and fingertips, joint angles, contact and penetration depth of the mesh, and
 the accuracy of a classifier that separates the two sources. A recording of one grasp is always a
-narrow sample of what hands do. The accuracy therefore has a control beside it: how well single
-synthetic clips are separated from all other synthetic clips in the same way.
+narrow sample of hand motion. The accuracy is therefore reported with a control: how well the same
+classifier separates single synthetic clips from all other synthetic clips.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ from geneoh.metrics.smoothness import valid_differences
 from geneoh.seeds import seed_of
 from geneoh.sequence.sequence import Sequence
 
-CONTROLS = 12  # synthetic clips that are separated from the others, as a control
+CONTROLS = 12  # synthetic clips in the control
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,15 @@ class Comparison:
 
 @dataclass(frozen=True)
 class RealismReport:
-    """How near synthetic interactions are to a recording."""
+    """Similarity of synthetic interactions to a recording."""
 
     measures: tuple[Comparison, ...]
     correlation: dict[str, float]
-    """Correlations of pairs of joint angles: their mean absolute value in either source, the mean
-    absolute difference, and the correlation of one source's correlations with the other's."""
+    """Correlations of pairs of joint angles: their mean absolute value in each source, their mean
+    absolute difference, and the correlation between the two sources' correlations."""
     accuracy: dict[str, float]  # of the classifier that separates the two sources, by view
-    control: dict[str, float]  # the same for single synthetic clips against the others, mean
-    snippets: tuple[int, int]  # number of real and of synthetic snippets that were classified
+    control: dict[str, float]  # mean accuracy on single synthetic clips against the others, by view
+    snippets: tuple[int, int]  # number of classified snippets, real and synthetic
     clips: int  # number of synthetic clips
     augmented: bool = False  # whether the synthetic clips had the augmentation of training
 
@@ -65,7 +65,7 @@ class RealismReport:
 def measure_realism(recording: Sequence, folder: Path, *, augmented: bool = False) -> RealismReport:
     """Compare the training shards in a folder with the first hand of a clean recording.
 
-    `augmented` clips have the augmentation of training, as networks see them.
+    With `augmented`, the synthetic clips get the augmentation of training.
     """
     hand = load_hand("right")
     real = recorded_clip(recording, hand)
@@ -94,7 +94,7 @@ def compare_clips(real: HandClips, synthetic: HandClips) -> RealismReport:
 
 
 def one_snippet_each(clips: HandClips) -> Float[Tensor, "N S 21 3"]:
-    """A snippet of each clip that has one; where it starts depends on the clip's number alone."""
+    """One snippet of each clip that has any, chosen at random with the clip's index as seed."""
     found = [clips.object.new_zeros(0, SNIPPET, 21, 3)]
     for index, (joints, near) in enumerate(zip(clips.object, clips.near, strict=True)):
         if len(snippets := all_snippets(joints, near)):
@@ -103,9 +103,9 @@ def one_snippet_each(clips: HandClips) -> Float[Tensor, "N S 21 3"]:
 
 
 def controls(clips: HandClips, others: Float[Tensor, "N S 21 3"]) -> dict[str, float]:
-    """Accuracy on single clips of a source against snippets of it, mean over clips, by view.
+    """Mean accuracy of separating single clips from the other clips of the same source, by view.
 
-    The clip's own snippet is among `others`: of hundreds, one that can be classified wrong.
+    The clip's own snippet is among the hundreds of `others`, which hardly changes the accuracy.
     """
     each = (block_snippets(*clip) for clip in zip(clips.object, clips.near, strict=True))
     chosen = list(islice((blocks for blocks in each if len(blocks) > 1), CONTROLS))
@@ -117,7 +117,7 @@ def controls(clips: HandClips, others: Float[Tensor, "N S 21 3"]) -> dict[str, f
 
 
 def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
-    """Every measure of both sources."""
+    """The comparison of each measure between the two sources."""
     both = (real, synthetic)
 
     def compared(name: str, unit: str, values: list[Tensor], scale: float = 1.0) -> Comparison:
@@ -149,7 +149,7 @@ def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
 
 
 def angle_correlations(real: HandClips, synthetic: HandClips) -> dict[str, float]:
-    """How alike the joint angles of two sources are correlated."""
+    """Similarity of the correlations between joint angles in two sources."""
     ours, theirs = (
         distributions.correlations(joint_angles(clips.world[clips.valid]))
         for clips in (real, synthetic)

@@ -1,4 +1,4 @@
-"""What a report on realism measures: clips of right hands, recorded or made, with their meshes."""
+"""The clips that a report on realism compares: recorded or synthetic right hands with meshes."""
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -25,11 +25,11 @@ from geneoh.training import augmentation
 
 FPS = 30.0
 SHARDS, CLIPS_PER_SHARD = 8, 96
-"""Training shards that are compared, spread over the folder, and clips of each."""
+"""Number of training shards that are compared, spread over the folder, and of clips in each."""
 MESH_EVERY = 10  # the mesh is measured in every tenth frame of synthetic clips, to save time
 NEAR = 0.025
-"""Distance in metres of the nearest keypoint to the object within which a hand is at the object;
-the classifier gets snippets of both sources whose frames are all within it."""
+"""Largest distance in metres from the nearest keypoint to the object of a hand at the object. The
+classifier gets only snippets with the hand at the object in all frames."""
 TIPS = list(TIP_KEYPOINTS)
 
 
@@ -43,7 +43,7 @@ class HandClips:
     near: Bool[Tensor, "B T"]  # frames in which the hand is valid and at the object
     area: Float[Tensor, " N"]  # area of the mesh at most 5 mm from the object, square metres
     fingers: Float[Tensor, " N"]  # number of fingertips at most 5 mm from the object
-    depth: Float[Tensor, " N"]  # depth of the deepest vertex in the object, metres
+    depth: Float[Tensor, " N"]  # penetration depth of the deepest vertex, metres
     touching: Bool[Tensor, " N"]  # whether any vertex is at most 5 mm from the object
 
 
@@ -88,7 +88,7 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool) -> HandClips:
     shard = replay_shard(path)
     shard = shard.chosen(torch.arange(min(CLIPS_PER_SHARD, len(shard.clips.wrist))))
     if augmented:
-        # The seed's name is part of published figures: another name draws another augmentation.
+        # The seed's name must not change, because published figures depend on it.
         generator = seeded_generator("lively", path.name)
         hands = HandParameters.of_pose(shard.clips.wrist, shard.clips.pose, shard.clips.offsets)
         hands = augmentation.augmented(hands, Draws(len(hands.wrist), generator))
@@ -127,7 +127,7 @@ def mesh_measures(
 
 
 def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
-    """Each vertex's share of the surface in square metres: a third of each face around it."""
+    """Area of each vertex in square metres: a third of the area of each adjacent face."""
     third = mesh.face_vectors().norm(dim=-1) / 6
     areas = torch.zeros_like(mesh.verts[:, 0])
     for corner in range(3):

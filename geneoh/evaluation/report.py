@@ -1,4 +1,4 @@
-"""The files of an evaluation: a CSV and a JSON of all values, a report in Markdown and in HTML."""
+"""The output files of an evaluation: all values as CSV and JSON, a report as Markdown and HTML."""
 
 import html
 from collections import Counter
@@ -25,27 +25,27 @@ MESH_NOTE = (
     "object; geneoh and the optimisation with their own mesh."
 )
 PAGE = Path(__file__).parent / "assets" / "report.html"
-REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")  # beside it
-REASONS = 3  # most reasons for failing that are told of a method
+REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")
+REASONS = 3  # largest number of reasons for failing that are reported per method
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All scores of a run, and what they depend on."""
+    """All scores of a run, and the settings on which they depend."""
 
     settings: dict[str, Any]
     """Settings, weights and data of the run, and the versions of the packages."""
     command: str
-    """The command that asked for it, if there was one."""
+    """The command line that started the run; empty if there was none."""
     methods: tuple[str, ...]
     """Names in the order of the tables."""
     scores: tuple[Score, ...]
     notes: tuple[str, ...] = ()
     pages: tuple[tuple[str, str], ...] = ()
-    """Title and file, beside the report, of pages in 3D."""
+    """Title and file (relative to the report) of each page in 3D."""
     reused: int = 0
-    """How many scores the record held already; a run that was stopped and one that was not give
-    the same report, so it is not in the files."""
+    """Number of scores that were taken from an earlier run. It is not in the report, which is the
+    same for an interrupted run and an uninterrupted one."""
 
     @property
     def blocks(self) -> list[tables.TableBlock]:
@@ -54,12 +54,12 @@ class Evaluation:
 
     @property
     def seeds(self) -> int:
-        """How many seeds of noise there are."""
+        """Number of noise seeds."""
         return len({score.seed for score in self.scores})
 
     @property
     def bar_lines(self) -> str:
-        """What the lines in the bars are, in words; nothing where there are none."""
+        """Description of the error bars in the bar plots; empty if they have none."""
         recordings = len({recording_of(score.clip) for score in self.scores})
         if recordings >= tables.FEWEST:
             return f"{tables.LEVEL:.0%} intervals over {recordings} recordings"
@@ -69,7 +69,7 @@ class Evaluation:
         return f"the standard deviation over seeds of the mean over {few}"
 
     def remarks(self) -> Iterator[str]:
-        """What a reader of the tables must know."""
+        """Remarks below the tables: what means, intervals, measures and gaps are, and failures."""
         if self.seeds > 1:
             yield f"Mean ± standard deviation over {self.seeds} seeds of the mean over clips."
         if (tau := tables.seed_agreement(self.scores)) is not None:
@@ -91,7 +91,7 @@ class Evaluation:
         yield from self.notes
 
     def failures(self) -> Iterator[str]:
-        """The first reasons why each method failed, each once with all methods that have it."""
+        """The first reasons why each method failed, each once, with all methods it concerns."""
         found: dict[str, dict[str, None]] = {}
         for score in self.scores:
             if score.failed:
@@ -104,7 +104,7 @@ class Evaluation:
 
 
 def keep_other_reports(folder: Path) -> None:
-    """Refuse a folder without our record that has files with the names of the report's."""
+    """`InputError` if a folder without a record holds files of the report's names, not ours."""
     if not (folder / SCORED).is_file():
         keep_others(*(folder / name for name in REPORT_FILES))
 
@@ -120,7 +120,7 @@ def write_report(evaluation: Evaluation, folder: Path | str) -> list[Path]:
 
 
 def scores_as_csv(evaluation: Evaluation) -> str:
-    """A line for each score: its case and method, all measures, seconds, and why it failed."""
+    """One row per score: case, method, all measures, seconds, and the reason of a failure."""
     keys = [measure.key for measure in MEASURES]
     rows: list[list[Any]] = [
         ["dataset", "clip", "noise", "seed", "method", *keys, "seconds", "failed"]
@@ -132,7 +132,7 @@ def scores_as_csv(evaluation: Evaluation) -> str:
 
 
 def report_as_json(evaluation: Evaluation) -> str:
-    """Everything that is needed to repeat the evaluation, every table and every score."""
+    """The settings needed to repeat the evaluation, all tables and all scores."""
     whole = {
         "command": evaluation.command,
         "settings": evaluation.settings,
@@ -145,7 +145,7 @@ def report_as_json(evaluation: Evaluation) -> str:
 
 
 def as_report(evaluation: Evaluation) -> Iterator[str]:
-    """The tables as Markdown, with what made them."""
+    """The tables as Markdown, with command, remarks, versions and weights."""
     yield from ("# geneoh eval", "", f"`{evaluation.command}`", "")
     yield from tables.as_markdown(evaluation.blocks)
     yield ""
@@ -154,7 +154,7 @@ def as_report(evaluation: Evaluation) -> Iterator[str]:
 
 
 def made_with(settings: Mapping[str, Any]) -> str:
-    """The versions of packages and the weights among the settings of a run, as a sentence."""
+    """A sentence with the versions of packages and the weights in the settings of a run."""
     versions, weights = (settings.get(name, {}) for name in ("versions", "weights"))
     parts = [f"{name} {version}" for name, version in versions.items()]
     parts += [f"{name} weights {digest}" for name, digest in weights.items()]
@@ -162,7 +162,7 @@ def made_with(settings: Mapping[str, Any]) -> str:
 
 
 def as_page(evaluation: Evaluation) -> str:
-    """The report as one HTML file that needs nothing else."""
+    """The report as a self-contained HTML page."""
     blocks = evaluation.blocks
     parts = [f"<p><code>{html.escape(evaluation.command)}</code></p>"]
     for block in blocks:
@@ -185,7 +185,7 @@ def as_page(evaluation: Evaluation) -> str:
 
 
 def as_html_table(block: tables.TableBlock) -> str:
-    """One noise as an HTML table; the best of a column is bold."""
+    """The HTML table of one noise; the best value of a column is bold."""
     heads = "".join(f"<th>{m.title}<br>{m.unit}</th>" for m in block.measures)
     lines = [f"<tr><th></th>{heads}</tr>"]
     for name, cells in block.lines(block.measures):
@@ -195,7 +195,7 @@ def as_html_table(block: tables.TableBlock) -> str:
 
 
 def plots_of(evaluation: Evaluation, blocks: list[tables.TableBlock]) -> Iterator[str]:
-    """Bars over all noises; then errors by frame, by joint and against the input's, by noise."""
+    """Plots: bars over all noises; per noise, errors by frame, by joint and against the input's."""
     there = {key for block in blocks for cells in block.cells.values() for key in cells}
     lines = evaluation.bar_lines and f", with {evaluation.bar_lines}"
     for key in ("mpjpe_mm", "depth_mm"):

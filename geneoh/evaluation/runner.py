@@ -1,8 +1,8 @@
-"""The runner: every method on every case, here or in several processes, resumed after a stop.
+"""The evaluation: scores every method on every case, in one or several processes, and resumes.
 
-The record of an evaluation is one file: a line with the settings, then one score a line. A run is
-identified by its settings, its weights and its data; a record of another run is not continued. The
-versions of packages are reported, but a new version does not throw scores away.
+The record of an evaluation is one file: a line with the settings, then one score per line. A run is
+identified by its settings, weights and data; a record of another run is not resumed. The versions
+of packages are reported, but a new version does not discard scores.
 """
 
 import re
@@ -36,14 +36,14 @@ from geneoh.viz.view import write_page
 from geneoh.workers.pool import results_of
 
 CASE_ERRORS = (InputError, MissingAssetError)
-"""Errors of one clip, or of one method on it: they are recorded, and the others go on. Without its
-weights (`CheckpointError`) a method cannot be scored on any clip."""
+"""Errors of one clip, or of one method on it: they are recorded, and the evaluation continues.
+Missing weights (`CheckpointError`) end it, because they concern all clips."""
 
 IN_SCORES = ("preset", "without", "seed", "weights")
-"""Options of the cleaner that identify no run: names of methods tell the first two, each score has
-its seed, and of weights the contents count."""
+"""Options of the cleaner that are not in the settings of a run: method names hold the first two,
+each score has its seed, and weights are identified by their contents."""
 
-Work = tuple[Case, tuple[Method, ...]]  # with the methods still to be scored on it
+Work = tuple[Case, tuple[Method, ...]]  # a case and the methods still to be scored on it
 
 
 @checked_call
@@ -58,27 +58,27 @@ def evaluate(
     command: str = "",
     on_progress: OnProgress | None = None,
 ) -> Evaluation:
-    """Score every method on every case, going on from the scores that `folder` already holds.
+    """Score every method on every case; scores that `folder` already holds are reused.
 
         made = geneoh.evaluate("synthetic", "runs/eval")
         options = geneoh.EvaluationOptions("taco", noises=("drift",), methods=("input", "geneoh"))
         made = geneoh.evaluate(options, "runs/eval/taco")
 
     Args:
-        options: what is scored; the name of a data set alone means its defaults.
-        folder: of the record and, with `pages`, of pages in 3D.
+        options: what is scored; the name of a data set means its defaults.
+        folder: output folder of the record and, with `pages`, of pages in 3D.
         jobs: number of processes; 1 works in this one.
-        fresh: throw the record and the pages in `folder` away.
+        fresh: discard the record and the pages in `folder`.
         pages: whether each clip that geneoh cleans gets a page in 3D.
-        command: the command that asked for this, for the report.
-        on_progress: called with "eval", the scores made by this call, and those it will make.
+        command: the command line, for the report.
+        on_progress: called with "eval", the number of new scores so far, and in total.
 
     Returns:
         the scores, with tables as `blocks`; `geneoh.evaluation.report.write_report` writes them.
 
     Raises:
-        MissingAssetError: the data set or a folder of predictions is not there.
-        ConfigError: a choice does not exist, or `folder` holds scores of other settings.
+        MissingAssetError: the data set or a folder of predictions is missing.
+        ConfigError: an option has an unknown value, or `folder` holds scores of other settings.
         CheckpointError: weights are missing or damaged.
     """
     asked = EvaluationOptions(options) if isinstance(options, str) else options
@@ -87,7 +87,7 @@ def evaluate(
     cases = find_cases(options)
     methods, notes = methods_of(options)
     settings = settings_of(options)
-    # a hand model that is missing is told before any clip fails for it
+    # a missing hand model is reported here, before every clip would fail for it
     load_hand("right", source=options.cleaner.hand, mano_dir=options.cleaner.mano_dir)
     versions = package_versions()
     pages_folder = folder / "pages" if pages else None
@@ -121,9 +121,9 @@ def evaluate(
 
 
 def settings_of(options: EvaluationOptions) -> dict[str, Any]:
-    """What scores depend on besides their case and their method: it identifies a run.
+    """The settings on which scores depend besides case and method; they identify a run.
 
-    Noises, seeds, clips and methods are part of each score and may differ from run to run.
+    Noises, seeds, clips and methods are part of each score, and may change when a run is resumed.
     """
     cleaner = options.cleaner
     baselines = [baseline_weights(name, cleaner.weights) for name in BASELINES]
@@ -143,10 +143,10 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
 def open_record(
     folder: Path, settings: dict[str, Any], versions: dict[str, Any], *, fresh: bool = False
 ) -> tuple[list[Score], dict[str, Any]]:
-    """The scores in a folder and the versions they were begun with; begins a record without any.
+    """The scores in the record of a folder, and the package versions it was begun with.
 
-    A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away, as
-    is one in which everything failed: correcting its cause may take other settings.
+    A new record is begun if there is none, if every case in it failed, or if `fresh`. An incomplete
+    last line is dropped.
     """
     path = folder / SCORED
     records = [] if fresh else read_journal(path)
@@ -156,7 +156,7 @@ def open_record(
     if records:
         head = read_head(records[0], path, settings)
     found = [score for record in records[1:] if (score := read_score(record)) is not None]
-    scores = list({score.key: score for score in found}.values())  # the last of each counts
+    scores = list({score.key: score for score in found}.values())  # the last one of each key
     begin_journal(path, [head, *map(asdict, scores)])
     return scores, head["versions"]
 
@@ -170,7 +170,7 @@ def holds_no_score(records: list[dict[str, Any]]) -> bool:
 
 
 def read_head(head: dict[str, Any], path: Path, settings: dict[str, Any]) -> dict[str, Any]:
-    """The first line of a record of these settings; `ConfigError` for another one."""
+    """The first line of a record; `ConfigError` if its settings differ from `settings`."""
     try:
         held, versions = head["settings"], head["versions"]
         names = sorted(name for name in settings if held.get(name) != settings[name])
@@ -186,7 +186,7 @@ def read_head(head: dict[str, Any], path: Path, settings: dict[str, Any]) -> dic
 
 
 def read_score(found: dict[str, Any]) -> Score | None:
-    """The score in one line; None for a line that holds none."""
+    """The score in a line of a record; None if it holds none."""
     try:
         return Score(**{field.name: found[field.name] for field in fields(Score)})
     except (KeyError, TypeError):
@@ -199,9 +199,9 @@ def work_left(
     done: Iterable[Score],
     pages: Path | None = None,
 ) -> list[Work]:
-    """Every method on every case, without those that have a score, and a page, already.
+    """The cases with the methods that still lack a score, or a page.
 
-    What failed is left: its cause may have been mended.
+    Failed ones are tried again, because their cause may have been fixed.
     """
     there = {score.key for score in done if not score.failed}
 
@@ -215,13 +215,13 @@ def work_left(
 
 
 def page_of(pages: Path, key: ScoreKey) -> Path:
-    """File of the page in 3D of one result of geneoh."""
+    """The path of the page in 3D of one result of geneoh."""
     name = re.sub(r"[^A-Za-z0-9.-]+", "_", "_".join(map(str, key[1:])))
     return pages / f"{name}.html"
 
 
 def remove_pages(folder: Path) -> None:
-    """Remove the pages of earlier runs; what geneoh did not write stays."""
+    """Remove the pages of earlier runs; files that geneoh did not write stay."""
     for page in folder.glob("*.html"):
         if is_ours(page):
             page.unlink()
@@ -236,7 +236,7 @@ def run(
     jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> list[Score]:
-    """Do all work; the record of `folder` has a case's scores as soon as they are made."""
+    """Score all cases in `work`; the scores of a case are added to the record at once."""
     total = sum(len(methods) for _, methods in work)
     scores: list[Score] = []
     score = partial(score_case, options=options, pages=pages)
@@ -249,15 +249,15 @@ def run(
 
 
 def _lost(work: Work, why: str) -> list[Score]:
-    """The scores of a case that killed its workers."""
+    """The failed scores of a case whose workers died."""
     case, methods = work
     return [Score(*case.key, method.name, failed=why) for method in methods]
 
 
 def score_case(work: Work, options: EvaluationOptions, pages: Path | None) -> list[Score]:
-    """The methods on one case; a case that cannot be read has scores that say why."""
+    """Score the methods on one case; if it cannot be read, the scores hold the reason."""
     case, methods = work
-    case = replace(case)  # a copy, so that what is read of the case is freed with it
+    case = replace(case)  # a copy, so that its cached clip is freed with it
     try:
         scorer = CaseScorer(case, options)
     except CASE_ERRORS as error:
@@ -266,7 +266,7 @@ def score_case(work: Work, options: EvaluationOptions, pages: Path | None) -> li
 
 
 def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Score:
-    """One method on one case."""
+    """Score one method on one case, and write its page."""
     case, began = scorer.case, time.process_time()
     try:
         cleaned = method.clean(case)

@@ -1,4 +1,4 @@
-"""Scores: everything that is measured on one cleaned hand, in the units of the tables."""
+"""Scores: all measures of one cleaned hand, in the units of the tables."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,22 +27,22 @@ from geneoh.sequence.windows import spread_frames
 
 ScoreKey = tuple[str, str, str, int, str]  # data set, clip, noise, seed and method
 TIPS = list(TIP_KEYPOINTS)
-SAME_JOINTS = 1e-4  # largest metres at which given parameters count as those of given keypoints
+SAME_JOINTS = 1e-4  # tolerance in metres within which pose parameters reproduce keypoints
 
 
 @dataclass(frozen=True)
 class Measure:
-    """One number of a score, mean over the frames."""
+    """One number of a score, a mean over frames."""
 
     key: str  # name in the files
     title: str  # name in the tables
     unit: str
-    meaning: str = ""  # what a column of the tables shows; without it, the files alone have it
+    meaning: str = ""  # description below the tables; without it, the measure is in the files only
     digits: int = 1  # digits after the point in the tables
 
     @property
     def better(self) -> Literal["less", "more"]:
-        """Which values are good: of shares large ones."""
+        """Whether small or large values are good: large ones for percentages."""
         return "more" if self.unit == "%" else "less"
 
 
@@ -94,28 +94,29 @@ class Score:
     seed: int
     method: str
     values: dict[str, float | None] = field(default_factory=dict)
-    """By the keys of the measures; None where there is nothing to measure."""
+    """Values by the keys of the measures; None where there is nothing to measure."""
     error_by_frame_mm: list[float | None] = field(default_factory=list)
-    """Mean keypoint error of each frame, as by joint below; empty without ground truth."""
+    """Mean error of each frame, and below of each keypoint; empty without ground truth."""
     error_by_joint_mm: list[float | None] = field(default_factory=list)
     seconds: float = 0.0
     """Processor time of the cleaning, on one core."""
     failed: str = ""
-    """Why there are no values, in words."""
+    """Error message if the method failed; empty otherwise."""
 
     @property
     def case_key(self) -> CaseKey:
-        """Tells the case from every other one."""
+        """Unique key of the case."""
         return self.dataset, self.clip, self.noise, self.seed
 
     @property
     def key(self) -> ScoreKey:
-        """Tells this score from every other one of an evaluation."""
+        """Unique key of this score in an evaluation."""
         return *self.case_key, self.method
 
 
 def fitted_verts(subject: Subject, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
-    """The person's mesh of given parameters where these make the keypoints, else fitted to them."""
+    """The person's mesh: posed by the track's parameters if these reproduce the keypoints, else
+    fitted to the keypoints."""
     shaped, state = subject.shaped, subject.start
     if state is not None:
         made = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
@@ -136,7 +137,7 @@ class MeasuredHand:
 
 
 class CaseScorer:
-    """Scores methods on one case; what they are compared with is measured once."""
+    """Scores methods on one case; the ground truth is measured only once."""
 
     def __init__(self, case: Case, options: EvaluationOptions) -> None:
         """Read the case; the ground truth is measured when it is first needed."""
@@ -154,7 +155,7 @@ class CaseScorer:
         return hand_of_betas(hand.side, hand.hand_model, asked=asked, mano_dir=mano_dir)
 
     def subject_in(self, sequence: Sequence) -> Subject:
-        """Shape and skeleton of the person, by a sequence's own betas, pose and keypoints."""
+        """Shape and skeleton of the person, from the betas, pose and keypoints of a sequence."""
         return subject_of(sequence.hands[0], self.model(sequence.hands[0]))
 
     @cached_property
@@ -173,7 +174,7 @@ class CaseScorer:
 
     @cached_property
     def truly_touched(self) -> Bool[Tensor, "N P"]:
-        """Points of the object that the clean hand touches, in the same frames."""
+        """Object points that the clean hand touches, in the same frames as `touched`."""
         assert self.truth is not None, "needed only with ground truth"
         return self.touched(self.truth.verts)
 
@@ -186,12 +187,12 @@ class CaseScorer:
         return MeasuredHand(joints, verts, query, tips)
 
     def touched(self, verts: Float[Tensor, "T V 3"]) -> Bool[Tensor, "N P"]:
-        """Points of the object in contact, in the frames of the expensive metrics."""
+        """Sampled object points in contact with the mesh, in the N frames of expensive metrics."""
         surface = self.surface.at(self.close)
         return object_contact(verts[self.close], self.faces, surface, self.samples)
 
     def score(self, method: str, cleaned: CleanedHand, seconds: float) -> Score:
-        """All measures of what a method made in some seconds."""
+        """All measures of a cleaned hand that a method made in `seconds` of processor time."""
         verts, truth = cleaned.verts, self.truth
         if verts is None:
             verts = fitted_verts(self.subject, cleaned.joints)
@@ -232,7 +233,7 @@ class CaseScorer:
         }
 
     def _accuracy(self, hand: MeasuredHand, truth: MeasuredHand) -> dict[str, float]:
-        """How far the hand is from the ground truth."""
+        """The measures that compare the hand with the ground truth."""
         tips = contact.contact_agreement(hand.tips, truth.tips)
         touched = self.touched(hand.verts), self.truly_touched
         distance, true = hand.query.distance, truth.query.distance
@@ -252,10 +253,10 @@ class CaseScorer:
 
 
 def mean(values: Float[Tensor, " T"]) -> float:
-    """Mean over the frames that have a value."""
+    """Mean over the frames with a value, as a number."""
     return float(mean_over_frames(values))
 
 
 def rounded(value: float, digits: int = 2) -> float | None:
-    """A number for a file; None for NaN."""
+    """A rounded number for a file; None for NaN."""
     return None if value != value else round(value, digits)

@@ -12,7 +12,7 @@ from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import COLUMNS, MEASURES, Measure, Score
 
 LEVEL = 0.95  # confidence level of intervals
-FEWEST = 8  # recordings below which there is no interval: too few to tell how they scatter
+FEWEST = 8  # smallest number of recordings for an interval; fewer do not show the variance
 
 
 @dataclass(frozen=True)
@@ -22,32 +22,32 @@ class Cell:
     mean: float
     """Mean over clips, then over seeds."""
     deviation: float | None
-    """Of the mean over clips, over seeds; None with one seed."""
+    """Standard deviation over seeds of the mean over clips; None with one seed."""
     low: float | None
-    """Lower end of the mean's 95% interval over recordings; None with fewer than `FEWEST`."""
+    """Lower bound of the mean's 95% interval over recordings; None with fewer than `FEWEST`."""
     high: float | None
-    """Upper end of that interval."""
+    """Upper bound of that interval."""
     count: int
     """Number of cases with a value."""
 
     def shown(self, measure: Measure) -> str:
-        """Mean, and deviation over seeds if there is one, with the measure's digits."""
+        """Mean ± deviation over seeds (if there is one), rounded to the measure's digits."""
         mean = f"{self.mean:.{measure.digits}f}"
         return mean if self.deviation is None else f"{mean}±{self.deviation:.{measure.digits}f}"
 
 
 @dataclass(frozen=True)
 class TableBlock:
-    """The methods under one noise of a data set, in the order in which they were asked for."""
+    """The table of one noise of a data set, with methods in the requested order."""
 
     dataset: str
     noise: str
     clips: int
     seeds: int
     cells: dict[str, dict[str, Cell]]
-    """By method, then by measure; only with a value."""
+    """By method, then by measure; measures without a value are missing."""
     failed: dict[str, int]
-    """Number of cases without a result, for the methods that have such cases."""
+    """Number of failed cases, by method; only of methods with any."""
 
     @property
     def measures(self) -> tuple[Measure, ...]:
@@ -62,7 +62,7 @@ class TableBlock:
         return f"{self.dataset}, {self.noise}: {clips}, {self.seeds} seed{'s' * (self.seeds > 1)}"
 
     def column(self, measure: Measure) -> list[tuple[str, bool]]:
-        """Text of a measure for every method, and whether it is the best as it is shown."""
+        """Text of a measure for every method, and whether its rounded value is the best."""
         cells = [found.get(measure.key) for found in self.cells.values()]
         means = [cell and round(cell.mean, measure.digits) for cell in cells]
         pick = min if measure.better == "less" else max
@@ -73,7 +73,7 @@ class TableBlock:
         ]
 
     def lines(self, measures: Sequence[Measure]) -> Iterator[tuple[str, list[tuple[str, bool]]]]:
-        """A line for each method: its name, and its texts in the columns of these measures."""
+        """One line per method: its name, and its cells (text, is best) of these measures."""
         columns = [self.column(measure) for measure in measures]
         for index, method in enumerate(self.cells):
             missing = self.failed.get(method, 0)
@@ -81,7 +81,7 @@ class TableBlock:
             yield name, [column[index] for column in columns]
 
     def gaps(self) -> Iterator[str]:
-        """Which means are over fewer cases than others, as those of a slip without any touch."""
+        """Remarks on means over fewer cases than others, such as slip where nothing touches."""
         for measure in self.measures:
             few = []
             for method, cells in self.cells.items():
@@ -96,7 +96,7 @@ class TableBlock:
 
 
 def blocks_of(scores: Iterable[Score], methods: Sequence[str]) -> list[TableBlock]:
-    """A block for each data set and noise; methods without any score are left out."""
+    """One table for each data set and noise; methods without any score are left out."""
     places: dict[tuple[str, str], list[Score]] = {}
     for score in scores:
         places.setdefault((score.dataset, score.noise), []).append(score)
@@ -120,7 +120,7 @@ def block_of(dataset: str, noise: str, scores: list[Score], methods: Sequence[st
 
 
 def cell_of(scores: list[Score], key: str) -> Cell | None:
-    """One measure over clips and seeds; None without any value."""
+    """Statistics of one measure of one method over clips and seeds; None without any value."""
     values = [
         (score.clip, score.seed, value)
         for score in scores
@@ -136,7 +136,7 @@ def cell_of(scores: list[Score], key: str) -> Cell | None:
 
 
 def grouped(values: Iterable[tuple[object, float]]) -> list[list[float]]:
-    """The values of each group, groups in the order in which they appear."""
+    """The values of each group, in the order in which the groups first appear."""
     groups: dict[object, list[float]] = {}
     for group, value in values:
         groups.setdefault(group, []).append(value)
@@ -144,11 +144,11 @@ def grouped(values: Iterable[tuple[object, float]]) -> list[list[float]]:
 
 
 def recordings_interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float | None]:
-    """Interval of the mean of all values, by how recordings as a whole scatter about it.
+    """95% interval of the mean of all values, with recordings as independent clusters.
 
-    Values of one recording, its windows and seeds, are not independent. A mean of groups is a ratio
-    of two sums, so its error is that of the sums' differences from it, by Student's t. None with
-    fewer recordings than `FEWEST`.
+    Windows and seeds of one recording are not independent. The mean is a ratio estimator (sum of
+    values over their number), whose variance follows from the residual sums of the recordings; the
+    interval uses Student's t. None with fewer recordings than `FEWEST`.
     """
     count, size = len(recordings), sum(map(len, recordings))
     if count < FEWEST:
@@ -160,10 +160,10 @@ def recordings_interval(recordings: Sequence[Sequence[float]]) -> tuple[float | 
 
 
 def seed_agreement(scores: Iterable[Score]) -> float | None:
-    """Kendall's tau of how two seeds rank the methods by MPJPE: the least over pairs of seeds.
+    """Smallest Kendall's tau, over pairs of seeds, of the ranks of the methods by MPJPE.
 
-    1 means the same order. None with fewer than two seeds or methods that have the measure, or if a
-    seed ranks all alike.
+    1 means the same order. None with fewer than two seeds or methods with an MPJPE, or if a seed
+    ranks all methods equal.
     """
     by_seed: dict[int, dict[str, list[float]]] = {}
     for score in scores:
@@ -194,7 +194,7 @@ def as_text(blocks: Iterable[TableBlock]) -> Iterator[str]:
 
 
 def as_markdown(blocks: Iterable[TableBlock]) -> Iterator[str]:
-    """One table of all blocks for a README, the best of each column and noise in bold."""
+    """One Markdown table of all blocks, with the best of each column and noise in bold."""
     blocks = list(blocks)
     there = {measure.key for block in blocks for measure in block.measures}
     measures = [measure for measure in COLUMNS if measure.key in there]

@@ -1,9 +1,9 @@
-"""A two-sample test by classification: an accuracy of one half means that two sources look alike.
+"""A classifier two-sample test: an accuracy of 0.5 means that two sources cannot be distinguished.
 
 The classifier is a logistic regression on snippets of keypoints, with equal weight for both
-sources. The snippets of a recording overlap. It is therefore cut into blocks for cross-validation:
-each fold tests on one block and trains on the others, and no snippet crosses a border. Of the other
-source each clip gives one snippet, which is in one fold.
+sources. Because the snippets of a recording overlap, it is cut into blocks for cross-validation:
+each fold tests on one block and trains on the others, and no snippet crosses a block border. Each
+clip of the other source contributes one snippet, which is tested in one fold.
 """
 
 from typing import Literal
@@ -18,8 +18,8 @@ from typing_extensions import assert_never
 from geneoh.evaluation.distributions import WRIST, motion_size, palm_basis
 
 SNIPPET = 30  # frames of a snippet: one second at 30 frames a second
-BLOCK = 36  # frames of a block: a snippet, and a few frames in which it may start
-FRAME_STEP = 3  # every third frame is a feature: neighbours are nearly the same
+BLOCK = 36  # frames of a block: a snippet, and room for a few start frames
+FRAME_STEP = 3  # only every third frame is used, because neighbours are nearly equal
 RIDGE = 1e-3  # weight of the squared coefficients in the loss, for feature vectors of unit length
 MOTION_FLOOR = 1e-3  # added to speeds (m/s) and accelerations (m/s²) against log(0)
 
@@ -30,9 +30,9 @@ VIEWS: tuple[View, ...] = ("place", "hand", "motion")
 def features(snippets: Float[Tensor, "N S 21 3"], view: View, fps: float) -> Float[Tensor, "N D"]:
     """Features of snippets in the object's frame.
 
-    "place": the keypoints; "hand": the keypoints in the frame of the palm at the snippet's middle,
-    which leaves out where on the object the hand is; "motion": the logarithms of each keypoint's
-    mean speed and acceleration.
+    "place": the keypoints; "hand": the keypoints in the palm frame of the snippet's middle frame,
+    without the position of the hand on the object; "motion": the logarithms of each keypoint's mean
+    speed and acceleration.
     """
     match view:
         case "place":
@@ -51,7 +51,7 @@ def features(snippets: Float[Tensor, "N S 21 3"], view: View, fps: float) -> Flo
 def all_snippets(
     joints: Float[Tensor, "T 21 3"], usable: Bool[Tensor, " T"]
 ) -> Float[Tensor, "N S 21 3"]:
-    """The snippets of a track whose frames are all usable, by their first frame."""
+    """All snippets of a track whose frames are all usable, in the order of their first frames."""
     if len(joints) < SNIPPET:
         return joints.new_zeros(0, SNIPPET, 21, 3)
     windows = joints.unfold(0, SNIPPET, 1).permute(0, 3, 1, 2)
@@ -61,7 +61,7 @@ def all_snippets(
 def block_snippets(
     joints: Float[Tensor, "T 21 3"], usable: Bool[Tensor, " T"]
 ) -> list[Float[Tensor, "N S 21 3"]]:
-    """The usable snippets of one recording, block by block; a block without any is left out."""
+    """The usable snippets of one recording by block; blocks without any are left out."""
     starts = range(0, len(joints) - BLOCK + 1, BLOCK)
     blocks = [slice(start, start + BLOCK) for start in starts]
     found = [all_snippets(joints[block], usable[block]) for block in blocks]
@@ -74,10 +74,10 @@ def cross_validate(
     view: View,
     fps: float,
 ) -> float:
-    """Accuracy of the classifier on snippets that it was not trained on; 0.5 is chance.
+    """Cross-validated accuracy of the classifier, the mean over both sources; 0.5 is chance.
 
-    It is the mean of the shares of both sources that are told right. There is one fold for each of
-    at least two blocks; `others` are snippets of the other source, one per clip.
+    There is one fold for each of at least two blocks; `others` are snippets of the other source,
+    one per clip.
     """
     assert len(blocks) > 1, "a fold needs a block to train on and one to test on"
     assert len(others) >= len(blocks), "every fold tests on some of the others"
@@ -96,14 +96,14 @@ def cross_validate(
 def fit_logistic(
     first: Float[np.ndarray, "N D"], second: Float[np.ndarray, "M D"]
 ) -> tuple[Float[np.ndarray, " D"], float]:
-    """Logistic regression with a ridge penalty; both classes have the same total weight.
+    """Fit a logistic regression with a ridge penalty; both classes have the same total weight.
 
     Returns:
         weights and bias: `values @ weights + bias` is above zero for the first class.
     """
     values = np.concatenate([first, second])
     mean = (first.mean(0) + second.mean(0)) / 2
-    # Feature vectors get unit length on average, so that the ridge does not depend on their size.
+    # Feature vectors get unit length on average, so that the penalty does not depend on their size.
     scale = (values.std(0) + 1e-9) * np.sqrt(values.shape[1])
     x = (values - mean) / scale
     sign = np.repeat([1.0, -1.0], [len(first), len(second)])

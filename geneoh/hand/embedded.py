@@ -1,4 +1,4 @@
-"""The hand that ships with geneoh, our own, made by `tools.hand_builder`; free of other licences.
+"""The hand model that ships with geneoh: made by `tools.hand_builder`, under geneoh's own licence.
 
 The asset holds the right hand in MANO's own field names as plain arrays, so that `smplx` can load
 it too; the left hand is its mirror image.
@@ -17,7 +17,7 @@ from geneoh.hand.model import HandModel
 
 ASSET = "embedded_right.npz"
 TENSORS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
-"""MANO's names of what a `HandModel` holds, in its order."""
+"""MANO's field names of the tensors of `HandModel`, in the order of its fields."""
 POSE = ("pose_low", "pose_high", "pose_mean", "pose_std")
 TIP_VERTS = (320, 443, 671, 554, 744)
 """Index, middle, pinky, ring, thumb: the vertices that `smplx.vertex_ids['mano']` names too."""
@@ -32,7 +32,7 @@ def read_arrays() -> dict[str, np.ndarray]:
 def hand_model(
     name: str, side: Side, fields: Mapping[str, np.ndarray], pose: Mapping[str, Tensor]
 ) -> HandModel:
-    """A model of arrays by MANO's names, and of joint limits and the relaxed pose by ours."""
+    """A `HandModel` from arrays under MANO's names, and joint limits and poses named as `POSE`."""
     return HandModel(
         name,
         side,

@@ -1,4 +1,4 @@
-"""Hand models by side and source, and which of them a track's betas belong to."""
+"""Hand models by side and source, and the choice of the one that poses a track."""
 
 from functools import cache
 from pathlib import Path
@@ -42,11 +42,11 @@ def hand_of_betas(
     asked: HandSource | None = None,
     mano_dir: Path | str | None = None,
 ) -> HandModel:
-    """The hand model by which a track is to be posed: the one place that decides this.
+    """The hand model that poses a track: the one place that decides this.
 
-    It is the source that the user asks for, else the model that the track names for its betas
-    (`hand_model`), else the embedded hand. Asked for "mano", of MANO's two left hands (see
-    `geneoh.hand.mano`) it is the one that the betas belong to. Raises as `load_hand`.
+    It is `asked`, the user's choice, else `hand_model`, which the track names for its betas, else
+    the embedded hand. If `asked` is "mano" and the betas belong to "mano-as-shipped" (see
+    `geneoh.hand.mano`), it is the latter. Raises as `load_hand`.
     """
     if asked == MENDED and hand_model == AS_SHIPPED:
         asked = AS_SHIPPED

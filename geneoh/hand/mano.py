@@ -3,10 +3,10 @@
 Reads the official `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, and npz files with the same fields as
 `smplx` writes them, without chumpy and without running the pickle (see `geneoh.files.pickles`).
 
-Left shapes: the official left file carries the right hand's shape directions although its template
-is mirrored (smplx issue 48). Work that mended the file and work that did not mean two different
-left hands by the same betas: "mano" is MANO with mirrored left directions, "mano-as-shipped" with
-the official left file. The right hand of both is one, called "mano".
+Left shapes: the official left file holds the right hand's shape directions although its template is
+mirrored (smplx issue 48). The same betas therefore mean two different left hands: "mano" is MANO
+with mirrored ("mended") left directions, "mano-as-shipped" uses the official left file unchanged.
+Their right hand is the same and is called "mano".
 """
 
 import os
@@ -32,11 +32,11 @@ ENVIRONMENT = "GENEOH_MANO_DIR"
 LARGEST = 2**32  # no number of a MANO file is larger: the parent of the root is stored as 2**32 - 1
 HOME = "https://mano.is.tue.mpg.de"
 FOLDERS = ("", "models", "mano", "mano_v1_2/models")
-"""Where in the given folder the files are looked for: as unpacked, or as smplx wants them."""
+"""Sub-folders of the user's folder that are searched: as unpacked, or as smplx expects them."""
 FIELDS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "f", "kintree_table")
 BETAS = 10
 SAME_SHAPE = 1e-6
-"""Metres: the left x row equals the right one to rounding when the file has the error."""
+"""Metres: the x rows of left and right shape directions differ by less in the official files."""
 
 ManoName = Literal["mano", "mano-as-shipped"]
 MENDED: ManoName = "mano"
@@ -50,7 +50,7 @@ def name_of(side: Side, name: ManoName) -> ManoName:
 
 @dataclass(frozen=True)
 class PoseSpace:
-    """What MANO's own way of writing a pose needs: its mean, and coefficients of components."""
+    """MANO's PCA space of poses: its mean pose and its principal components."""
 
     mean: Float[Tensor, " 45"]  # what flat_hand_mean=False adds to a pose, radians
     components: Float[Tensor, "45 45"]  # rows of the pose components; not of unit length
@@ -61,8 +61,8 @@ def load_mano(
 ) -> HandModel:
     """One MANO hand, of the convention `name`; see `geneoh.hand.library.load_hand`.
 
-    A left file that was mended before is recognised if the right one lies beside it, and taken back
-    to the official one where that is asked for.
+    A left file with already mirrored shape directions is recognised if the right file lies beside
+    it. Its directions are kept for "mano" and mirrored back for "mano-as-shipped".
     """
     path = find_mano(side, mano_dir)
     fields = _read_fields(path)
@@ -100,7 +100,7 @@ def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
 
 
 def mano_files(folder: Path | str) -> list[Path]:
-    """The files of both sides in a folder, as far as they are there."""
+    """The MANO files that are in a folder: of both sides, one side or none."""
     found = []
     for side in SIDES:
         with suppress(MissingAssetError):
@@ -117,7 +117,7 @@ def refuse_without_mano(folder: Path | str) -> None:
 def translation_from_wrist(
     model: HandModel, betas: Float[Tensor, "*#B S"], wrist: Float[Tensor, "*#B 3"]
 ) -> Float[Tensor, "*B 3"]:
-    """smplx's translation (convention O) of a wrist (convention W): t_O = t_W - J0(beta)."""
+    """smplx's translation (convention O) from the wrist (convention W): t_O = t_W - J0(betas)."""
     return wrist - model.rest_wrist(betas)
 
 
@@ -187,7 +187,7 @@ def _check_shapes(path: Path, fields: dict[str, np.ndarray]) -> None:
 
 
 def _check_size(path: Path, fields: dict[str, np.ndarray]) -> None:
-    """Refuse a hand that is not as large as a hand, at rest or by its shapes and poses."""
+    """Refuse a rest hand, shape directions or pose correctives of a size that no hand has."""
     verts = fields["v_template"].astype(float)
     points = np.concatenate([fields["J_regressor"].astype(float) @ verts, verts[list(TIP_VERTS)]])
     for name, least, found in (
@@ -203,7 +203,7 @@ def _check_size(path: Path, fields: dict[str, np.ndarray]) -> None:
 
 
 def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:
-    """Whether a left file has the right hand's shape directions; yes if no right one can tell."""
+    """Whether a left file has the right hand's shape directions; True if no right file is found."""
     try:
         right = _read_fields(find_mano("right", path.parent))
     except MissingAssetError:
@@ -215,7 +215,7 @@ def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:
 
 
 def _model(side: Side, fields: dict[str, np.ndarray], name: ManoName) -> HandModel:
-    """The fields as a model; joint limits are the embedded hand's, whose frame is the same."""
+    """A `HandModel` of the fields, with the embedded hand's joint limits (same rest frame)."""
     limits = embedded_right() if side == "right" else embedded_right().mirrored()
     pose = {name: getattr(limits, name) for name in POSE}
     if "hands_mean" in fields:

@@ -1,6 +1,6 @@
 """The hand model of one side: rest mesh, shape, skinning, joint limits, and how it is posed.
 
-Three frozen steps, each a plain function of the one before: `HandModel` (MANO's own fields),
+Three frozen stages, each a pure function of the previous one: `HandModel` (MANO's own fields),
 `ShapedHand` (one shape, rest pose) and `PosedHand` (vertices and keypoints in the world).
 Everything follows the device and dtype of its tensors, is differentiable, and broadcasts over any
 batch axes.
@@ -81,7 +81,8 @@ class HandModel(Bundle):
         return ShapedHand(self, verts, joints, torch.cat([bones, tips], dim=-2))
 
     def rest_wrist(self, betas: Float[Tensor, "*B S"]) -> Float[Tensor, "*B 3"]:
-        """Wrist joint of the rest pose, MANO's J0(betas): wrist (W) minus translation (O)."""
+        """Wrist joint of the rest pose, MANO's J0(betas): the wrist's position (convention W) minus
+        smplx's translation (convention O)."""
         dirs = torch.einsum("v,vcs->cs", self.joint_regressor[0], self.shape_dirs)
         mean = self.joint_regressor[0] @ self.template
         return mean + betas @ dirs[:, : betas.shape[-1]].T
@@ -114,10 +115,10 @@ class ShapedHand(Bundle):
     joints: Float[Tensor, "*B 16 3"]
     """Joint centres in MANO order."""
     offsets: Float[Tensor, "*B 20 3"]
-    """Rest skeleton as `tree_kinematics` wants it: 15 bones, then 5 tips."""
+    """Rest skeleton (see `geneoh.hand.skeleton`): 15 bones, then 5 tips."""
 
     def posed(self, pose: Float[Tensor, "*#B 16 3"], wrist: Float[Tensor, "*#B 3"]) -> PosedHand:
-        """The hand in the world: `pose` is axis-angle, absolute; `wrist` is the joint (W)."""
+        """The hand in the world: `pose` is axis-angle, absolute; `wrist` is the wrist joint."""
         return self.verts_from_rotations(axis_angle_to_matrix(pose), wrist)
 
     def verts_from_rotations(
@@ -136,7 +137,7 @@ class ShapedHand(Bundle):
         return self._kinematics(rotations, wrist)[1]
 
     def _kinematics(self, rotations: Tensor, wrist: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Local rotations over all batch axes, keypoints and the joints' global rotations."""
+        """Local rotations expanded to all batch axes, keypoints, and joints' global rotations."""
         # torch has the same function and imports sympy on its first call, which takes seconds
         batch = np.broadcast_shapes(rotations.shape[:-3], wrist.shape[:-1], self.verts.shape[:-2])
         rotations, wrist = rotations.expand(*batch, 16, 3, 3), wrist.expand(*batch, 3)
@@ -168,6 +169,6 @@ class ShapedHand(Bundle):
 
 
 def pose_features(rotations: Float[Tensor, "*B 16 3 3"]) -> Float[Tensor, "*B 135"]:
-    """How much of each pose corrective there is: local rotations of joints 1 to 15, minus 1."""
+    """Coefficients of the pose correctives: local rotations of joints 1 to 15, minus identity."""
     eye = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
     return (rotations[..., 1:, :, :] - eye).flatten(-3)

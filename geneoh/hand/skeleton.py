@@ -41,7 +41,7 @@ def forward_kinematics(
 ) -> tuple[Float[Tensor, "*B 21 3"], Float[Tensor, "*B 16 3 3"]]:
     """Keypoints in OpenPose order and the joints' global rotations, in the frame of `wrist`.
 
-    `rotations` are each joint's against its parent, the wrist's against the world.
+    `rotations` are relative to the parent joint, the wrist's relative to the world.
     """
     points, glob = kinematics.tree_kinematics(rotations, wrist, offsets, (*PARENTS, *TIP_PARENTS))
     return points[..., list(OPENPOSE_FROM_MANO), :], glob
@@ -52,11 +52,11 @@ def rest_offsets(
     joints: Float[Tensor, "T 21 3"],
     trust: Float[Tensor, "T 21"],
 ) -> Float[Tensor, "20 3"]:
-    """The skeleton that a posed track was made with: forward kinematics solved for the offsets.
+    """The rest skeleton of a posed track: forward kinematics solved for the offsets.
 
-    Each bone is taken back to the rest frame; the least-squares solution is their mean, weighted by
-    the trust in the keypoints at both ends. A bone that is trusted in no frame is the plain mean
-    over the frames in which any keypoint is.
+    Each bone is rotated back to the rest frame; the least-squares solution is the mean over frames,
+    weighted by the trust in the keypoints at both ends. A bone without trust in any frame gets the
+    unweighted mean over the frames in which any keypoint is trusted.
     """
     seen = trust.amax(-1) > 0
     at_rest = bones_at_rest(rotations[seen], joints[seen])
@@ -68,7 +68,7 @@ def rest_offsets(
 def bones_at_rest(
     rotations: Float[Tensor, "T 16 3 3"], joints: Float[Tensor, "T 21 3"]
 ) -> Float[Tensor, "T 20 3"]:
-    """The bones of each frame, taken back to the rest frame; ordered as rest offsets."""
+    """The bones of each frame, rotated back to the rest frame; ordered as rest offsets."""
     _, glob = forward_kinematics(rotations, joints[:, 0], joints.new_zeros(20, 3))
     mano = joints[:, list(MANO_FROM_OPENPOSE)]
     parents = [*PARENTS[1:], *TIP_PARENTS]

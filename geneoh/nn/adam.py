@@ -20,10 +20,10 @@ def adam(
 ) -> list[Tensor]:
     """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
 
-    Steps have the length `rate`, or for each parameter the one that it tells for the number of
-    steps before; they are shorter where the gradient is below `epsilon`. `bounded` brings
-    parameters back into their limits after each. Written out because `torch.optim` takes seconds to
-    import.
+    `rate` is the learning rate, or a function from the number of finished steps to one learning
+    rate per parameter; steps are shorter where the gradient is below `epsilon`. `bounded` projects
+    the parameters into their limits after each step. Written out because `torch.optim` takes
+    seconds to import.
     """
     parameters = list(parameters)  # the caller's list stays as it is
     first = [torch.zeros_like(p) for p in parameters]

@@ -20,21 +20,21 @@ def mlp(*widths: int) -> nn.Sequential:
 
 
 def zeroed(layer: nn.Module) -> nn.Module:
-    """The same linear layer with zero weights, so that it has no effect before training."""
+    """The linear layer with weights and bias set to zero, so that training starts without it."""
     for parameter in layer.parameters():
         nn.init.zeros_(parameter)
     return layer
 
 
 def drawn(scale: float, *size: int) -> Tensor:
-    """Normal random numbers to learn from; none are drawn on the device "meta", where weights are
-    to be loaded: torch would draw them all the same, or import a compiler for two seconds."""
+    """Normal initial values of a learned tensor. None are drawn on the device "meta", where weights
+    are loaded later: torch would draw them all the same, or import a compiler for two seconds."""
     values = torch.empty(size)
     return values if values.is_meta else values.normal_(0.0, scale)
 
 
 def in_steps(values: Shaped[Tensor, "B T *N"], frames: int) -> Shaped[Tensor, "B S F *N"]:
-    """Values of frames by the token that they are in; the last one is filled with zeros."""
+    """Per-frame values grouped into S tokens of F = `frames` frames; the last is zero-padded."""
     short = values.new_zeros(len(values), -values.shape[1] % frames, *values.shape[2:])
     return torch.cat([values, short], dim=1).unflatten(1, (-1, frames))
 
@@ -51,8 +51,8 @@ def check_heads(width: int, heads: int, unit: int = 2) -> None:
 def rotary(
     x: Float[Tensor, "B H T D"], position: Float[Tensor, " T"] | None = None
 ) -> Float[Tensor, "B H T D"]:
-    """Rotary position embedding: attention depends on distances in frames, not on positions. Tokens
-    are numbered where no `position` is given."""
+    """Rotary position embedding: attention depends on distances in frames, not on positions.
+    Without `position`, tokens stand at 0, 1, 2, ..."""
     half = x.shape[-1] // 2
     frequency = torch.exp(-math.log(1000.0) * torch.arange(half, device=x.device) / half)
     if position is None:
@@ -89,8 +89,8 @@ class Block(nn.Module):
         position: Float[Tensor, " T"] | None = None,
         seen: Bool[Tensor, "B T"] | None = None,
     ) -> Float[Tensor, "B T D"]:
-        """One residual update of the tokens; `level` embeds the noise level. Attention is to the
-        tokens that are `seen`, at least one of each item; None is all of them."""
+        """One residual update of the tokens; `level` embeds the noise level. `seen` masks the keys:
+        only tokens with True are attended to, at least one per item; None attends to all."""
         gain_attention, gain_forward = (1 + self.gain(level))[:, None].chunk(2, dim=-1)
         q, k, v = self.qkv(self.norm_attention(tokens) * gain_attention).chunk(3, dim=-1)
         q, k, v = (x.unflatten(-1, (self.heads, -1)).transpose(1, 2) for x in (q, k, v))

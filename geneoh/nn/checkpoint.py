@@ -10,7 +10,7 @@ from torch import Tensor
 from geneoh.errors import CheckpointError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 
-HALVES = (torch.float16, torch.bfloat16)  # of stored weights; nothing computes with them
+HALVES = (torch.float16, torch.bfloat16)  # storage types, converted to float32 when loaded
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def load_checkpoint(
 
 
 def finite_output(values: Tensor) -> Tensor:
-    """What a network answers, unchanged; `CheckpointError` for NaN or infinity, as of damaged
-    weights."""
+    """A network's output, unchanged; `CheckpointError` where it holds NaN or infinity, which
+    damaged weights cause."""
     if not bool(values.isfinite().all()):
         raise CheckpointError(
             "expected finite numbers from the networks, got NaN or infinity; their weights are "

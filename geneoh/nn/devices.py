@@ -9,7 +9,7 @@ def named_device(name: str) -> torch.device:
     """The torch device of that name; `ConfigError` where this machine has no such device."""
     try:
         device = torch.device(name)
-        torch.zeros(1, device=device).item()  # "meta" has no numbers
+        torch.zeros(1, device=device).item()  # fails on "meta", whose tensors hold no values
     except (RuntimeError, AssertionError, ImportError) as error:
         said = str(error).splitlines()[0]
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""The type of the matrix products in transformer blocks; sums, norms and results are float32."""
+"""Data type of the matrix products in transformer blocks; sums, norms and results are float32."""
 
 import torch
 from torch import nn
@@ -7,7 +7,7 @@ from geneoh.nn.blocks import FrameTransformer
 
 
 def quick_precision(device: torch.device) -> torch.dtype:
-    """Type of matrix products in transformer blocks: bfloat16 where hardware has units for it."""
+    """Fastest type of the matrix products: bfloat16 where the hardware has units for it."""
     if device.type == "cuda":
         native = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
@@ -19,7 +19,7 @@ def quick_precision(device: torch.device) -> torch.dtype:
 
 
 def cleaning_precision(device: torch.device) -> torch.dtype:
-    """Type of those products while tracks are cleaned: on a CPU float32, for equal bits on all."""
+    """Type for cleaning tracks: float32 on a CPU, so that all CPUs give bit-identical results."""
     return torch.float32 if device.type == "cpu" else quick_precision(device)
 
 

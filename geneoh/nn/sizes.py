@@ -1,4 +1,4 @@
-"""The base class of the settings of networks, which limits their sizes."""
+"""The base class of the configurations of networks, which limits their sizes."""
 
 from dataclasses import dataclass
 from typing import ClassVar

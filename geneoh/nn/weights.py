@@ -1,4 +1,4 @@
-"""Files of weights: which one is meant, and the network that it holds."""
+"""Files of weights: which file to read, and the network built from it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -18,8 +18,8 @@ Network = TypeVar("Network", bound=nn.Module)
 def load_network(
     path: Path, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
 ) -> Network:
-    """A network of the saved size with the saved weights, for use without training. The file is
-    named as its config is in its record.
+    """A network of the saved size with the saved weights, frozen for inference. The stem of the
+    file's name is the key of the network's configuration in the record.
 
     Raises:
         CheckpointError: the file is missing or holds another network.
@@ -33,7 +33,7 @@ def network_of(
     network: Callable[[NetConfig], Network],
     config: Callable[..., NetConfig],
 ) -> Network:
-    """The network of a file that was read; see `load_network`."""
+    """As `load_network`, from a checkpoint that was already read from `path`."""
     name = path.stem
     try:
         with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
@@ -50,7 +50,8 @@ def network_of(
 
 
 def refuse_depths(size: Mapping[str, Any], most: int) -> None:
-    """`ValueError` for more blocks than a file has tensors, which would not end being built."""
+    """`ValueError` for a depth above `most`, the file's number of tensors: a damaged record could
+    make building the network endless."""
     for name, value in size.items():
         if isinstance(value, Mapping):
             refuse_depths(value, most)
@@ -59,13 +60,14 @@ def refuse_depths(size: Mapping[str, Any], most: int) -> None:
 
 
 def file_or_shipped(name: str, folder: Path | None, shipped: Path) -> Path:
-    """The file of weights in a folder that has it, else the one in the folder of shipped ones."""
+    """The weights `name` in `folder` if they are there, else those in the folder `shipped`."""
     given = None if folder is None else folder / f"{name}.safetensors"
     return given if given is not None and given.is_file() else shipped / f"{name}.safetensors"
 
 
 def refuse_none_of(names: Sequence[str], folder: Path | None) -> None:
-    """`CheckpointError` for a folder without any of them: the shipped ones would be taken."""
+    """`CheckpointError` for a folder with none of the named weights: without it, the shipped
+    weights would be used unnoticed."""
     if folder is not None and not any((folder / f"{name}.safetensors").is_file() for name in names):
         raise CheckpointError(
             f"{folder}: expected weights of {', '.join(names)} (NAME.safetensors), one or more, "

@@ -1,4 +1,4 @@
-"""The surface point nearest to each keypoint: where the hand touches or enters the object."""
+"""The surface point nearest to each keypoint: where the hand touches or penetrates the object."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from torch import Tensor
 from geneoh.geometry.distance import pairwise_distances
 from geneoh.representation.region import ObjectSurface
 
-AT_ONCE = 2**24  # distances that are held at once where there is no search tree
+AT_ONCE = 2**24  # pairwise distances that `nearest_of_all` holds in memory at once
 
 
 def nearest_points(
@@ -28,9 +28,9 @@ def nearest_points(
 def nearest_in_tree(
     joints: Float[Tensor, "*B N 3"], points: Float[Tensor, "*B P 3"]
 ) -> Int[Tensor, "*B N"]:
-    """Index of the point that is nearest to each joint, by a search tree for each set of points."""
+    """Index of the point that is nearest to each joint, by one k-d tree per set of points."""
     sets = points.reshape(-1, *points.shape[-2:])
-    if bool((sets == sets[:1]).all()):  # as those of the windows of one track are
+    if bool((sets == sets[:1]).all()):  # the windows of one track share their points
         sets = sets[:1]
     asked = joints.nan_to_num().reshape(len(sets), -1, 3)
     found = [
@@ -46,7 +46,7 @@ def nearest_in_tree(
 def nearest_of_all(
     joints: Float[Tensor, "*B N 3"], points: Float[Tensor, "*B P 3"]
 ) -> Int[Tensor, "*B N"]:
-    """As `nearest_in_tree`, by all distances, on any device."""
+    """As `nearest_in_tree`, by all pairwise distances, on any device."""
     size = max(1, AT_ONCE // max(1, joints[..., :1, 0].numel() * points.shape[-2]))
     some = joints.split(size, -2)
     return torch.cat([pairwise_distances(each, points).argmin(-1) for each in some], dim=-1)
@@ -61,8 +61,8 @@ class Nearest(NamedTuple):
 
 
 def nearest_on_parts(joints: Float[Tensor, "B T N 3"], surface: ObjectSurface) -> Nearest:
-    """`nearest_points` in the world, where each surface point moves with its part of the object;
-    they are compared in the frame of the part, which is faster than to move all points."""
+    """`nearest_points` for an object of moving parts, in the world frame. The search is in the
+    frame of each part, which is faster than moving all surface points."""
     found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
     least = joints.new_full(joints.shape[:-1], torch.inf)
     part = torch.zeros_like(least, dtype=torch.long)
@@ -73,7 +73,7 @@ def nearest_on_parts(joints: Float[Tensor, "B T N 3"], surface: ObjectSurface) -
             continue
         turn = surface.rotation[some, :, index]
         shift = surface.translation[some, :, index, None]
-        # its own points first; where others have more of them its first one again
+        # items with fewer points on this part are padded with their first such point
         pick = own.int().argsort(dim=1, descending=True, stable=True)[:, : int(own.sum(1).max())]
         pick = torch.where(own.gather(1, pick), pick, pick[:, :1])[some, :, None].expand(-1, -1, 3)
         near, outward = nearest_points(

@@ -1,8 +1,8 @@
-"""A hand's trajectory as its parameters in the canonical frame, and changes between two of them.
+"""A hand's trajectory as pose parameters in the canonical frame, and changes between two of them.
 
-The trajectory of keypoints (paper 3.1) follows from it by forward kinematics with the person's own
-bones. Noise of hand trackers is simple here: it is independent per parameter and centred on the
-truth, while noise on keypoints changes the lengths of bones.
+Forward kinematics with the person's own bones turns them into the trajectory of keypoints (paper
+3.1). The noise of hand trackers is simple in these parameters: independent per parameter and
+centred on the truth, while independent noise on keypoints changes bone lengths.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class HandParameters(Bundle):
         pose: Float[Tensor, "*B T 16 3"],
         offsets: Float[Tensor, "*B 20 3"],
     ) -> "HandParameters":
-        """Hands of whole poses, axis-angle with the global rotation first."""
+        """Parameters from full poses: axis-angle, global rotation first."""
         return cls(wrist, axis_angle_to_matrix(pose[..., 0, :]), pose[..., 1:, :], offsets)
 
     @property
@@ -58,7 +58,7 @@ class HandParameters(Bundle):
         return self.posed[0]
 
     def to_canon(self, region: ContactRegion) -> "HandParameters":
-        """Hands of the world in the canonical frame of a region."""
+        """Hands in the world frame, brought into the canonical frame of a region."""
         wrist = region.to_canon(self.wrist[..., None, :])[..., 0, :]
         return replace(self, wrist=wrist, turn=region.rotation.mT @ self.turn)
 
@@ -68,7 +68,8 @@ class HandParameters(Bundle):
         return replace(self, wrist=wrist, turn=region.rotation @ self.turn)
 
     def moved(self, change: Float[Tensor, "*B T 51"]) -> "HandParameters":
-        """The hands after a change in units of `UNIT`, the wrist's in canonical axes."""
+        """The hands after a change in units of `UNIT`: the wrist's translation in canonical axes,
+        its rotation in the hand's own frame, then the fingers' axis-angle."""
         change = change * change.new_tensor(UNIT)
         return HandParameters(
             self.wrist + change[..., :3],
@@ -88,6 +89,6 @@ class HandParameters(Bundle):
 def turned(
     change: Float[Tensor, "*B 51"], axes: Float[Tensor, "*#B 3 3"]
 ) -> Float[Tensor, "*B 51"]:
-    """The same change with the wrist's motion in other axes (columns); turn and fingers stay."""
+    """The same change with the wrist's translation in other axes (columns); the rest is kept."""
     wrist = (change[..., None, :3] @ axes)[..., 0, :]
     return torch.cat([wrist, change[..., 3:]], dim=-1)

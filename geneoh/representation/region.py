@@ -1,10 +1,10 @@
 """Generalised contact points and the canonical frame they carry (paper 3.1).
 
-The contact points are object surface points close to the hand's whole trajectory; their pose (R_k,
-t_k) is the orientation of the object's first part and the centre of the points in frame k. The
-pipeline gives the part that the hand is at for longest as the first one
-(`geneoh.objects.carrying`). Column vectors throughout: p_canon = R_k^T (p_world - t_k), the
-transpose of the paper's row notation.
+The contact points are object surface points close to the hand at any time of its trajectory. The
+canonical frame (R_k, t_k) of video frame k has the orientation of the object's first part and its
+origin at the centre of the points. The pipeline orders parts so that the first is the one that the
+hand is at for longest (`geneoh.objects.carrying`). Vectors are columns: p_canon = R_k^T (p_world -
+t_k), the transpose of the paper's row notation.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.distance import pairwise_distances
 
 CONTACT_RADIUS = 0.015
-"""Distance in metres from a keypoint to the surface within which a point counts as close: the
-paper's 5 mm from the skin, and the 10 mm that keypoints lie under it."""
+"""Distance in metres from a keypoint within which a surface point counts as close: the paper's 5 mm
+from the skin, plus 10 mm because keypoints lie inside the hand."""
 
 
 @dataclass(frozen=True)
 class ContactRegion(Bundle):
-    """K contact points over T frames and the canonical frame of each frame."""
+    """K contact points over T video frames, and the canonical frame of each of these."""
 
     points: Float[Tensor, "*B T K 3"]
     """World frame, metres; `normals` are unit and outward."""
@@ -34,7 +34,7 @@ class ContactRegion(Bundle):
     """t_k, world."""
 
     def to_canon(self, world: Float[Tensor, "*B T P 3"]) -> Float[Tensor, "*B T P 3"]:
-        """Points of the world in the canonical frame of their frame."""
+        """World points of each video frame, in its canonical frame."""
         return (world - self.center[..., None, :]) @ self.rotation
 
     def to_world(self, canon: Float[Tensor, "*B T P 3"]) -> Float[Tensor, "*B T P 3"]:
@@ -58,13 +58,13 @@ class ContactRegion(Bundle):
         )
 
     def held_still(self) -> "ContactRegion":
-        """The same points in a canonical frame that stands still, with the axes of the world."""
+        """The same points in a static canonical frame: world axes, origin at the mean centre."""
         upright = torch.eye(3).to(self.rotation).expand_as(self.rotation)
         middle = self.center.mean(-2, keepdim=True).expand_as(self.center)
         return ContactRegion(self.points, self.normals, upright, middle)
 
     def nearest(self, joints: Float[Tensor, "*B T 21 3"], count: int) -> "ContactRegion":
-        """The same frames with only the `count` contact points nearest to world keypoints."""
+        """The same region with only the `count` contact points nearest to world keypoints."""
         apart = distance_to_trajectory(self.points, joints)
         keep = apart.topk(min(count, apart.shape[-1]), dim=-1, largest=False).indices
         index = keep[..., None, :, None].expand(*self.points.shape[:-2], -1, 3)
@@ -77,15 +77,15 @@ class ObjectSurface(Bundle):
     """P surface points of an object whose Q parts move over T frames."""
 
     points: Float[Tensor, "*B P 3"]
-    """In the frame of their part, metres, with outward `normals` and the index of the part."""
+    """In the frame of their part, metres; `normals` are outward, `part` is the part's index."""
     normals: Float[Tensor, "*B P 3"]
     part: Int[Tensor, "*B P"]
     rotation: Float[Tensor, "*B T Q 3 3"]
-    """Of the parts to the world, with `translation`."""
+    """Part frame to world frame, with `translation`."""
     translation: Float[Tensor, "*B T Q 3"]
 
     def in_world(self) -> tuple[Float[Tensor, "*B T P 3"], Float[Tensor, "*B T P 3"]]:
-        """Points and normals, each carried by its part."""
+        """Points and normals in the world frame, by the pose of their part in each frame."""
         points, normals = self.points[..., None, :, :], self.normals[..., None, :, :]
         frames = self.rotation.shape[-4]
         index = self.part[..., None, :, None].expand(*self.part.shape[:-1], frames, -1, 3)
@@ -101,7 +101,7 @@ def distance_to_trajectory(
     points: Float[Tensor, "*B T P 3"], joints: Float[Tensor, "*B T 21 3"]
 ) -> Float[Tensor, "*B P"]:
     """Least distance of each moving point to any keypoint over all frames, metres."""
-    # exact: the choice of points would depend on where the origin of the world is
+    # exact distances: with rounded ones, the choice of points would depend on the world's origin
     return pairwise_distances(points, joints).amin(-1).amin(-2)
 
 
@@ -125,7 +125,7 @@ def farthest_points(
     first: Int[Tensor, "*B"],
     count: int,
 ) -> Int[Tensor, "*B K"]:
-    """Farthest-point sampling of `count` points among those allowed, from a first one on."""
+    """Indices of `count` of the `allowed` points by farthest-point sampling, from `first` on."""
     chosen = [first]
     remaining = points.new_full(points.shape[:-1], torch.inf)
     for _ in range(count - 1):
@@ -138,9 +138,9 @@ def farthest_points(
 def contact_region(
     joints: Float[Tensor, "*B T 21 3"], surface: ObjectSurface, *, count: int, every: int = 1
 ) -> ContactRegion:
-    """K = `count` contact points (N_o of the paper) near a hand of the world, and their frame.
+    """K = `count` contact points (N_o of the paper) near world keypoints, with canonical frames.
 
-    The hand is never the ground truth. Closeness is measured in every n-th frame only.
+    `joints` are never the ground truth. Distances are measured in each `every`-th frame only.
     """
     points, normals, part = surface.points, surface.normals, surface.part
     rotation, translation = surface.rotation, surface.translation

@@ -1,7 +1,7 @@
 """S: hand-object spatial relations around every contact point (paper 3.1 and eq. 8).
 
-What SpatialDiff diffuses and reads: noise is added to the offsets, the network maps noisy offsets
-to clean ones, and `decode_spatial` makes one hand of them.
+SpatialDiff adds noise to the offsets, its network maps noisy offsets to clean ones, and
+`decode_spatial` averages the hands that they imply.
 """
 
 from dataclasses import dataclass, replace
@@ -17,8 +17,8 @@ from geneoh.representation.region import ContactRegion
 class SpatialRelations(Bundle):
     """s_o = ((o - t) R^T, n R^T, {(h - o) R^T}) in the paper's row notation, K contact points.
 
-    The hand h that each point implies is kept (claim 1 of appendix A.2) instead of its offset
-    h - o: the two differ by the point, so that noise on one is noise on the other.
+    The hand h that each point implies is stored (claim 1 of appendix A.2) instead of the offset
+    h - o: the two differ only by the point o, so noise on one is noise on the other.
     """
 
     points: Float[Tensor, "*B T K 3"]
@@ -38,7 +38,7 @@ class SpatialRelations(Bundle):
         return replace(self, hands=hands)
 
     def turned(self, axes: Float[Tensor, "*B 3 3"]) -> "SpatialRelations":
-        """The same relations in other axes, given as columns in the canonical frame."""
+        """The same relations in other axes: the columns of `axes`, in the canonical frame."""
         axes = axes[..., None, :, :]
         hands = self.hands @ axes[..., None, :, :]
         return SpatialRelations(self.points @ axes, self.normals @ axes, hands)

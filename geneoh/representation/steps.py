@@ -1,6 +1,6 @@
-"""Steps of keypoints over the object: temporal relations in the form that the stages of ours use,
-relative to the one surface point that is nearest to a keypoint, because a finger slides on what it
-touches. The paper's T, of all contact points, is in `geneoh.representation.temporal`."""
+"""Frame-to-frame steps of keypoints over the object: the temporal relations that our own stages
+use. They are relative to the one surface point nearest to a keypoint, because a finger slides on
+what it touches. The paper's T, of all contact points, is in `geneoh.representation.temporal`."""
 
 from dataclasses import dataclass
 
@@ -21,14 +21,14 @@ class SurfaceMotion(Bundle):
     nearest: Float[Tensor, "B T 21 3"]  # the surface point nearest to each keypoint
     normals: Float[Tensor, "B T 21 3"]  # outward, there
     carried: Float[Tensor, "B T 21 3"]
-    """Step to the next frame of a point at the keypoint that moves with the part of the surface
-    nearest to it; zero on the first part. That of the last frame does not count."""
-    rotation: Float[Tensor, "B T 3 3"]  # of the first part to the world
+    """Step to the next frame of a point that is at the keypoint and moves rigidly with the nearest
+    object part; zero for the first part. The last frame's step is unused."""
+    rotation: Float[Tensor, "B T 3 3"]  # first part's frame to world
     translation: Float[Tensor, "B T 3"]
 
     @classmethod
     def of(cls, joints: Float[Tensor, "B T 21 3"], surface: ObjectSurface) -> "SurfaceMotion":
-        """Hands of the world at an object."""
+        """From hands in the world frame and an object's surface."""
         near = nearest_on_parts(joints, surface)
         rotation, translation = surface.rotation[:, :, 0], surface.translation[:, :, 0]
         own = (joints - translation[:, :, None]) @ rotation
@@ -51,10 +51,10 @@ class SurfaceMotion(Bundle):
 
     @property
     def steps(self) -> Float[Tensor, "B T 21 3"]:
-        """Step of each keypoint to the next frame over the surface, metres; 0 in the last frame."""
+        """Step of each keypoint to the next frame, relative to the surface; 0 in the last frame."""
         over = self.joints.diff(dim=1) - self.carried[:, :-1]
         return torch.nn.functional.pad(over, (0, 0, 0, 0, 0, 1))
 
     def from_world(self, joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T 21 3"]:
-        """Other keypoints of the world in the frame of the first part."""
+        """Other keypoints, from the world frame into the frame of the first part."""
         return (joints - self.translation[:, :, None]) @ self.rotation

@@ -10,13 +10,13 @@ from geneoh.bundle import Bundle
 from geneoh.representation.region import ContactRegion
 
 DISTANCE_DECAY = 50.0
-"""k of the paper in 1/m: contact (millimetres) is kept, 2 cm away counts a third. The paper gives
-no value; the public code's 1/m hardly decays over a hand."""
+"""k of the paper in 1/m: the weight exp(-k d) is near 1 in contact and a third at 2 cm. The paper
+gives no value; with the 1/m of the public code it hardly decays over a hand."""
 TANGENTIAL_GAIN = 1.0
 NORMAL_GAIN = 1.0
 """k_a and k_b of the paper, dimensionless."""
 FLATNESS = 5e-4
-"""Deviation of points from a plane, metres, below which places across it are not known."""
+"""Standard deviation of points from a plane, metres, below which they count as coplanar."""
 
 
 @dataclass(frozen=True)
@@ -64,15 +64,16 @@ def pair_statistics(
     velocity: list[Float[Tensor, "*B T1 K 21"]],
     normals: Float[Tensor, "*B T1 K 3"],
 ) -> PairStatistics:
-    """Statistics of the way from each contact point to each keypoint and of its relative velocity.
+    """Statistics of the offset from each contact point to each keypoint and its relative velocity.
 
-    Both are one tensor for each axis (`differences`); the frame of the way does not matter.
+    Both are one tensor per axis (see `differences`). Only the length of the offset is used, so its
+    frame does not matter; `velocity` and `normals` share a frame.
     """
-    # the floor keeps the root's gradient finite where a keypoint is on the point
+    # the lower limit keeps the gradient of the root finite where a keypoint is on the point
     distance = squared(apart).clamp(min=1e-18).sqrt()
     x, y, z = (v * n[..., None] for v, n in zip(velocity, normals.unbind(-1), strict=True))
     along = x + y + z
-    # the same where a keypoint moves with the point
+    # and here where a keypoint moves with the point
     across = (squared(velocity) - along.square()).clamp(min=1e-12).sqrt()
     near = torch.exp(-DISTANCE_DECAY * distance)
     return PairStatistics(
@@ -86,9 +87,10 @@ def pair_statistics(
 def places_by_distance(
     distance: Float[Tensor, "*B K 21"], points: Float[Tensor, "*B K 3"]
 ) -> Float[Tensor, "*B 21 3"]:
-    """Keypoints by their distances from points, metres: least squares of the squared distances.
+    """Keypoints from their distances to points (trilateration), metres, by linear least squares.
 
-    Across points that lie in a plane a place is not known, and is set to the plane.
+    Coplanar points (see `FLATNESS`) leave the coordinate along the plane's normal undetermined; the
+    keypoint is then placed in the plane.
     """
     centre = points.mean(-2, keepdim=True)
     arm = points - centre
@@ -100,13 +102,13 @@ def places_by_distance(
 def differences(
     joints: Float[Tensor, "*B 21 3"], points: Float[Tensor, "*B K 3"]
 ) -> list[Float[Tensor, "*B K 21"]]:
-    """From each point to each joint, one tensor for each axis: sums over them are much faster than
-    over a last axis of three."""
+    """Offsets from each point to each joint, one tensor per axis: sums over a list of axes are much
+    faster than over a last axis of three."""
     pairs = zip(joints.unbind(-1), points.unbind(-1), strict=True)
     return [joint[..., None, :] - point[..., None] for joint, point in pairs]
 
 
 def squared(axes: list[Float[Tensor, "*B"]]) -> Float[Tensor, "*B"]:
-    """Squared length of vectors of which the three coordinates are given."""
+    """Squared length of vectors that are passed as one tensor per axis."""
     x, y, z = axes
     return x.square() + y.square() + z.square()

@@ -1,4 +1,4 @@
-"""The unit of a window: its own mean and deviation, in which the paper reads its noise levels."""
+"""Normalisation of a window by its own mean and deviation, the unit of the paper's noise levels."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,15 @@ from jaxtyping import Float
 from torch import Tensor
 
 LEAST = 1e-3
-"""Least deviation of a window, metres."""
+"""Lower limit of a window's standard deviation, metres."""
 
 
 @dataclass(frozen=True)
 class WindowScale:
-    """Mean and deviation of each of B windows of canonical keypoints, metres (paper, C.5).
+    """Mean and standard deviation of B windows of canonical keypoints, metres (paper, C.5).
 
-    The mean is over frames and keypoints, the deviation over all coordinates: one number for each
-    window keeps the shape of the hand. Level 400 of the paper is about 75 mm for a real hand.
+    The mean is over frames and keypoints. The deviation is over all coordinates: a single number
+    per window keeps the shape of the hand. Level 400 of the paper is about 75 mm for a real hand.
     """
 
     mean: Float[Tensor, "B *N 3"]
@@ -22,14 +22,14 @@ class WindowScale:
 
     @classmethod
     def of(cls, windows: Float[Tensor, "B *N 3"]) -> "WindowScale":
-        """The scale of noisy windows, as they are given."""
+        """The scale computed from the noisy windows themselves."""
         middle = tuple(range(1, windows.ndim - 1))
         mean = windows.mean(middle, keepdim=True)
         square = (windows - mean).square().mean((*middle, -1), keepdim=True)
         return cls(mean, square.sqrt().clamp(min=LEAST))
 
     def normalised(self, windows: Float[Tensor, "B *N 3"]) -> Float[Tensor, "B *N 3"]:
-        """The windows with mean zero and deviation one."""
+        """The windows with zero mean and unit standard deviation."""
         return (windows - self.mean) / self.deviation
 
     def metres(self, windows: Float[Tensor, "B *N 3"]) -> Float[Tensor, "B *N 3"]:

@@ -1,5 +1,5 @@
-"""Synthetic interactions to learn from: made and scanned objects, grasps, motion, shards on disk.
+"""Synthetic training data: analytic and scanned objects, grasps, motion, shards on disk.
 
-docs/training.md tells how close they are to a real recording. No fingers work scissors or pliers,
-and in a few clips a hand that comes or goes is more than 10 mm deep in the object.
+docs/training.md compares it with a real recording. Fingers never operate scissors or pliers, and in
+a few clips an approaching or leaving hand penetrates the object by more than 10 mm.
 """

@@ -24,7 +24,7 @@ from geneoh.synthesis.shards import find_shards, refuse_damage, scans_of, shard_
 
 @dataclass(frozen=True)
 class ActionSynthesisConfig(SynthesisConfig):
-    """What a data set of actions is made of: hands of the mean shape on more surface points."""
+    """Settings of a data set of actions: mean-shape hands, and more surface points per object."""
 
     kind: ClassVar[str] = "actions"
     command: ClassVar[str] = "geneoh synthesize --actions"
@@ -40,11 +40,11 @@ class ActionSynthesisConfig(SynthesisConfig):
     )
     acting: ActingConfig = field(default_factory=ActingConfig)
     favoured: int = 5
-    """How often objects with a joint, and large ones, are tried, against once for the others: few
-    of their grasps are of the part that moves, or leave room for a second hand."""
+    """Factor by which jointed and large objects are drawn more often than others: few grasps of
+    them are on the moving part, or leave room for a second hand."""
 
     def check_size(self) -> None:
-        """Refuse another length as well: every action has as many frames as its verb takes."""
+        """Also refuse other values of `frames`: all actions are padded to `LONGEST` frames."""
         super().check_size()
         if self.frames != LONGEST:
             raise ConfigError(
@@ -61,7 +61,7 @@ LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
 
 
 def names_of(scans: Scans | None, families: int = len(FAMILIES)) -> list[str]:
-    """The first families and then scanned objects; `Actions.name` is an index into them."""
+    """The first `families` family names, then scanned objects; `Actions.name` is an index here."""
     return [*list(FAMILIES)[:families], *(() if scans is None else scans.names)]
 
 
@@ -110,13 +110,13 @@ def action_shard(path: Path) -> Actions:
 
 
 def names_of_shard(path: Path) -> list[str]:
-    """Names of the objects of the actions in a shard, without endings, by `Actions.name`."""
+    """Object names of a shard without file endings, indexed by `Actions.name`."""
     families = shard_record(path, DEFAULTS).families
     return [Path(name).stem for name in names_of(scans_of(path, DEFAULTS), families)]
 
 
 def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]]:
-    """The actions of one split ("train" or "val"), and the names of objects without endings.
+    """The actions of one split ("train" or "val"), and object names without file endings.
 
     Raises:
         InputError: the folder holds none, or files that are no whole shards of actions.

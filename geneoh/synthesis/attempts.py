@@ -1,4 +1,4 @@
-"""One shard of made interactions: attempts at grasps, and the clips that the kept ones become."""
+"""One shard of synthetic interactions: attempts at grasps, and clips from the successful ones."""
 
 from dataclasses import dataclass, replace
 
@@ -22,15 +22,15 @@ from geneoh.synthesis.shapes.solids import Solids
 
 @dataclass(frozen=True)
 class Attempts:
-    """Hands and objects between which grasps are searched, before any is kept."""
+    """Pairs of a hand and an object for which a grasp is searched; none is rejected yet."""
 
     families: list[str]
     solids: Solids
-    hands: ShapedHand  # hands with bone lengths of their own in `offsets`
-    shared: Int[Tensor, " C"]  # first hands on the objects of the last C attempts, the second hands
+    hands: ShapedHand  # `offsets` have bone lengths that are unique to each hand
+    shared: Int[Tensor, " C"]  # the last C attempts are second hands: index of each one's first
 
     def take(self, which: Int[Tensor, " N"]) -> "Attempts":
-        """Some of the attempts, each by itself."""
+        """Some of the attempts; which second hand belongs to which first is dropped."""
         families = [self.families[i] for i in which.tolist()]
         solids, hands = self.solids.take(which, "B"), self.hands.take(which, "B")
         return Attempts(families, solids, hands, self.shared[:0])
@@ -63,7 +63,7 @@ def draw_attempts(
 def draw_names(
     families: list[str], count: int, scanned_share: float, *, generator: torch.Generator
 ) -> list[str]:
-    """Names of families, and of scanned objects in their share, at random."""
+    """Random object names: a scanned object with probability `scanned_share`, else a family."""
 
     def drawn(names: list[str]) -> list[str]:
         return [names[i] for i in torch.randint(len(names), (count,), generator=generator)]
@@ -114,8 +114,8 @@ def tried_grasps(
     toward: Float[Tensor, "B 3"],
     generator: torch.Generator,
 ) -> Grasps:
-    """A grasp of every attempt; those in which the skin is too deep or goes through a thin wall,
-    where it is never deep, are not kept either."""
+    """A grasp of every attempt. `kept` also excludes grasps whose skin penetrates too deep or
+    passes through a thin wall, where penetration depth stays small."""
     solids, offsets = tried.solids, tried.hands.offsets
     grasps = synthesize_grasps(solids, offsets, config.grasps, generator=generator, toward=toward)
     skin = tried.hands.posed(grasps.pose, grasps.wrist).verts

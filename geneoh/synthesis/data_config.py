@@ -1,4 +1,4 @@
-"""What data sets of made clips are made of: how many clips, in which files, and what they show."""
+"""Settings of synthetic data sets: how many clips, in which files, and what they show."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,15 +13,15 @@ from geneoh.synthesis.shapes.objects import FAMILIES, family_named
 from geneoh.synthesis.shapes.scans import Scans
 
 MOST_FRAMES = 9000
-"""Frames of the longest clip: five minutes, in which a body walks 500 m; a shard whose numbers are
-beyond `shards.LARGEST` (1000) is taken for damaged."""
+"""Frames of the longest clip: five minutes, in which a body walks 500 m. A shard with coordinates
+beyond `shards.LARGEST` (1000) would count as damaged."""
 MOST_IN_SHARD = 1_000_000
-"""Frames of all clips of the largest shard. They are made at once and take 7 to 15 KB each."""
+"""Frames of all clips of the largest shard: all are in memory together, 7 to 15 KB per frame."""
 
 
 @dataclass(frozen=True)
 class ShardConfig:
-    """How many clips a data set has, in which files; saved in every shard."""
+    """Number, length and files of a data set's clips; saved in every shard."""
 
     kind: ClassVar[str] = "interactions"  # what the clips are
     command: ClassVar[str] = "geneoh synthesize"  # what makes them
@@ -32,14 +32,14 @@ class ShardConfig:
     validation: float = 0.05  # share of the shards that are for validation
 
     def __post_init__(self) -> None:
-        """Refuse sizes below one, clips without motion or too long, and a share that is none."""
+        """Refuse sizes below 1, clips of too few or too many frames, and shares beyond 0 to 1."""
         check_limits(self, dict.fromkeys(("count", "shard"), (1, math.inf)))
         check_limits(self, {"frames": (2, MOST_FRAMES), "validation": (0, 1)})
 
     def check_size(self) -> None:
         """Refuse shards that are too large to make; `ConfigError` says by how much.
 
-        Each setting alone may be right, so that this is checked when all of them are known.
+        The limit is on a product of settings, so it is checked when all of them are final.
         """
         if self.shard * self.frames > MOST_IN_SHARD:
             raise ConfigError(
@@ -53,35 +53,36 @@ class ShardConfig:
         return max(2, -(-self.count // self.shard))
 
     def split_of(self, index: int) -> str:
-        """What the shard of this number is for: "val" or "train", of each of which there is one."""
+        """Split of shard number `index`, "val" or "train"; each split has at least one shard."""
         first = min(max(1, round(self.validation * self.shards)), self.shards - 1)
         return "val" if index < first else "train"
 
     def families_of(self, index: int, scans: Any = None) -> list[str]:
-        """Names of what the shard of this number may show."""
+        """Names of the objects or gestures that shard number `index` may show."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class SynthesisConfig(ShardConfig):
-    """What a synthetic data set of interactions is made of."""
+    """Settings of a synthetic data set of interactions."""
 
     count: int = 20480
     frames: int = 120
     shard: int = 256
-    points: int = 512  # surface points kept of each object
-    shape_std: float = 0.8  # deviation of the hands' shape coefficients
-    bone_std: float = 0.04  # relative deviation of bone lengths beyond what shape coefficients make
+    points: int = 512  # surface points stored per object
+    shape_std: float = 0.8  # standard deviation of the hands' betas
+    bone_std: float = 0.04  # relative standard deviation of bone lengths, on top of the betas
     held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
     """Families that appear in validation shards only."""
-    validation: float = 0.03  # share of the shards of held-out families and scanned objects
-    scanned: float = 0.5  # share of the attempts on scanned objects, where there are any
+    validation: float = 0.03  # share of validation shards: held-out families and scans only
+    scanned: float = 0.5  # share of attempts on scanned objects, if there are any
     grasps: GraspConfig = field(default_factory=GraspConfig)
     bimanual: BimanualConfig = field(default_factory=BimanualConfig)
     animation: AnimationConfig = field(default_factory=AnimationConfig)
 
     def __post_init__(self) -> None:
-        """Refuse such sizes, and held-out families that are unknown, none or all."""
+        """Also refuse shares and deviations out of range, and unknown, no or all families in
+        `held_out`."""
         super().__post_init__()
         check_limits(self, {"points": (1, math.inf), "scanned": (0, 1)})
         check_limits(self, dict.fromkeys(("shape_std", "bone_std"), (0, math.inf)))
@@ -99,7 +100,7 @@ class SynthesisConfig(ShardConfig):
         return [name for name in FAMILIES if name not in self.held_out]
 
     def families_of(self, index: int, scans: Scans | None = None) -> list[str]:
-        """Object families of the shard of this number, then the names of its scanned objects."""
+        """Object families of shard number `index`, then the names of its scanned objects."""
         held_out = self.split_of(index) == "val"
         found = list(self.held_out) if held_out else self.common
         if scans is not None:

@@ -11,51 +11,52 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Part:
-    """Some items of a batch that is drawn as a whole, so that they are the same in any division."""
+    """A range of items of a batch whose random numbers are drawn for the whole batch, so that an
+    item gets the same numbers however the batch is split."""
 
     first: int
     count: int
     total: int  # items of the whole batch
 
     def divided(self, number: int) -> list["Part"]:
-        """As many parts, whose sizes differ by at most one item."""
+        """`number` parts whose sizes differ by at most one item."""
         ends = [self.first + self.count * index // number for index in range(number + 1)]
         return [Part(a, b - a, self.total) for a, b in pairwise(ends)]
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Random numbers for B items, from one generator in the order in which they are asked for.
+    """Random numbers for B items, from one generator in the order of the calls.
 
-    The order is part of the data: a draw that moves to another place changes all that come after.
+    The order is part of the data: moving a call changes all random numbers after it.
     """
 
     batch: int
     generator: torch.Generator
-    part: Part | None = None  # which items of a larger batch they are; None for all
+    part: Part | None = None  # the B items as a range of a larger batch; None for a whole batch
 
     @property
     def whole(self) -> "Draws":
-        """Draws for all items of the batch that these are a part of."""
+        """Draws for all items of the larger batch."""
         return Draws(self.total, self.generator)
 
     @property
     def total(self) -> int:
-        """How many items that batch has."""
+        """Number of items of the whole batch."""
         return self.batch if self.part is None else self.part.total
 
     def uniform(self, limits: tuple[float, float], *shape: int) -> Float[Tensor, "B ..."]:
-        """Numbers spread evenly between two limits."""
+        """Uniform numbers between two limits."""
         low, high = limits
         return low + (high - low) * self.share(*shape)
 
     def log_uniform(self, limits: tuple[float, float], *shape: int) -> Float[Tensor, "B ..."]:
-        """Numbers whose logarithm is spread evenly between those of two limits."""
+        """Log-uniform numbers between two positive limits."""
         low, high = (math.log(limit) for limit in limits)
         return torch.exp(self.uniform((low, high), *shape))
 
     def share(self, *shape: int) -> Float[Tensor, "B ..."]:
-        """Numbers spread evenly between 0 and 1."""
+        """Uniform numbers between 0 and 1."""
         return self.own(torch.rand(self.total, *shape, generator=self.generator))
 
     def normal(self, *shape: int) -> Float[Tensor, "B ..."]:
@@ -63,11 +64,11 @@ class Draws:
         return self.own(torch.randn(self.total, *shape, generator=self.generator))
 
     def like(self, values: Float[Tensor, "B ..."]) -> Float[Tensor, "B ..."]:
-        """Normal numbers of the shape, type and device of other values of the items."""
+        """Standard normal numbers of the shape, type and device of `values`."""
         return self.normal(*values.shape[1:]).to(values)
 
     def chance(self, share: float, *shape: int) -> Bool[Tensor, "B ..."]:
-        """True in so large a share."""
+        """True with probability `share`."""
         return self.share(*shape) < share
 
     def integers(self, low: int, high: int, *shape: int) -> Tensor:
@@ -84,6 +85,6 @@ class Draws:
         return smooth.reshape(self.batch, channels, frames).transpose(1, 2)
 
     def own(self, drawn: Tensor) -> Tensor:
-        """The rows of these items in what was drawn for all."""
+        """The rows of these B items from numbers that were drawn for the whole batch."""
         part = self.part
         return drawn if part is None else drawn[part.first : part.first + part.count]

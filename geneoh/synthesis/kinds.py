@@ -19,21 +19,22 @@ from geneoh.synthesis.shards import ShardSource
 
 @dataclass(frozen=True)
 class DataKind:
-    """What a data set shows, and what makes it."""
+    """One kind of data set: its default configuration and the functions that make it."""
 
     defaults: ShardConfig
     synthesize: Callable[..., Any]
     source: Callable[[Path, Unit, OnStep], ShardSource | None]
-    """What else clips are made of, from the folder to write to and the unit of meshes."""
+    """Loads scanned objects or actions that clips need, if any, from the output folder, the unit of
+    meshes and a progress callback."""
 
 
 def kind_of_data(
     actions: bool, bodies: bool, meshes: Path | None, holding: Path | None
 ) -> DataKind:
-    """The kind of data that options ask for.
+    """The kind of data that the command's options select.
 
     Raises:
-        ConfigError: they ask for two kinds, or for what the kind has no use for.
+        ConfigError: the options select two kinds, or include one that the kind does not use.
         InputError: there are no shards of actions in `holding`.
     """
     if actions and bodies:

@@ -1,7 +1,7 @@
-"""What a shard does not hold, drawn again from its seed: families, analytic objects, hand shapes.
+"""Draws again from a shard's seed what the shard does not store: families, objects, hand shapes.
 
-Objects and hands are drawn before the search for grasps, and so can be drawn without it. Every hand
-has bone lengths of its own, by which the clips that were kept are found among the attempts.
+Objects and hands are drawn before the search for grasps, so they can be drawn without it. The bone
+lengths of each hand are unique, and match the stored clips with their attempts.
 """
 
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ from geneoh.synthesis.shards import (
     shard_record,
 )
 
-SAME_SKELETON = 1e-5  # distance over all bones below which skeletons are of one hand, metres
+SAME_SKELETON = 1e-5  # norm of the difference of all bones below which hands are the same, metres
 
 
 class NoFirstGraspsError(InputError):
-    """No clip of a shard is of the first grasps that its seed draws."""
+    """No clip of a shard matches the first round of attempts that its seed draws."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Replay:
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are closest to the object's surface.
 
-        Penetration counts against a frame, as a few hands that reach pass through the object.
+        Penetration counts against a frame, because a few approaching hands pass through the object.
         """
         fingers = self.in_object(self.joints)[:, :, 1:]
         every = torch.arange(fingers.shape[1]).expand(len(fingers), -1)
@@ -70,7 +70,7 @@ class Replay:
         """Hands of some frames of each clip in the frame of the object's first part."""
         at = torch.arange(len(frames))[:, None]
         clips = self.clips
-        # one more axis, for the frames
+        # an axis to broadcast over frames
         hands = self.made_from.hands.map(lambda value: value[:, None], "B")
         posed = hands.posed(clips.pose[at, frames], clips.wrist[at, frames])
         turn, shift = clips.rotation[at, frames, 0], clips.translation[at, frames, :1]
@@ -94,10 +94,10 @@ class Replay:
 
 
 def replay_shard(path: Path) -> Replay:
-    """The clips of a shard from its first round of grasps, which are nearly all.
+    """The clips of a shard from its first round of attempts, which are nearly all.
 
-    `NoFirstGraspsError` if none is, as where another version of geneoh made it; `InputError` if the
-    file is no whole shard.
+    Raises `NoFirstGraspsError` if there is none, for example because another version of geneoh made
+    the shard, and `InputError` if the file is no whole shard.
     """
     record, scans = shard_record(path), scans_of(path)
     config = record.config

@@ -30,27 +30,27 @@ from geneoh.workers.pool import in_processes
 
 @runtime_checkable
 class ShardSource(Protocol):
-    """What shards are made of beside their config, such as scanned objects."""
+    """Data that shards are made of beside their config, such as scanned objects."""
 
     @property
     def fingerprint(self) -> str:
-        """What tells it from others."""
+        """Hash that identifies the data."""
         ...
 
 
 DEFAULTS = SynthesisConfig()
-FORMER_FAMILIES = 32  # of shards that do not say how many there were
+FORMER_FAMILIES = 32  # number of families of shards whose record does not hold it
 LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
 @dataclass(frozen=True)
 class ShardRecord:
-    """What a shard was made with; saved in it."""
+    """What a shard was made with; saved in the shard."""
 
     config: ShardConfig
     seed: int
     objects: str = ""  # fingerprint of the scanned objects; empty without them
-    families: int = len(FAMILIES)  # how many there were; scanned objects are numbered after them
+    families: int = len(FAMILIES)  # number of families, after which scanned objects are numbered
 
 
 def shard_generator(seed: int, index: int) -> torch.Generator:
@@ -70,9 +70,9 @@ def write_shards(
 ) -> int:
     """Make every shard (`val_00000.safetensors`, `train_00001.safetensors`) that is missing.
 
-    Each is written whole or not at all, so that an interrupted run goes on with the next one.
-    Several processes (`jobs`) write the same bytes as this one alone. Returns how many were made.
-    What is in them is what `synthesize` makes, with the arguments of `synthesize_shard`.
+    Each is written whole or not at all, so an interrupted run continues with the next one. The
+    bytes do not depend on `jobs`, the number of processes. `synthesize` makes the clips of a shard
+    and takes the arguments of `synthesize_shard`. Returns the number of shards that were made.
 
     Raises:
         ConfigError: the shards are too large to make.
@@ -89,7 +89,7 @@ def write_shards(
     named = {i: folder / f"{config.split_of(i)}_{i:05d}.safetensors" for i in range(config.shards)}
     missing = [(index, path) for index, path in named.items() if not path.exists()]
     make = partial(make_shard, record=record, scans=scans, synthesize=synthesize)
-    # Alone, this process makes use of all its threads; workers have one each.
+    # A single process uses all its threads; workers have one thread each.
     making = map(make, missing) if jobs == 1 else in_processes(missing, make, jobs, _lost)
     for done, _ in enumerate(making, config.shards - len(missing) + 1):
         if on_shard is not None:
@@ -103,7 +103,7 @@ def make_shard(
     scans: ShardSource | None,
     synthesize: Callable[..., Any],
 ) -> None:
-    """Make the shard of a number and write it to its path."""
+    """Make the shard at `place`, its number and path, and write it."""
     index, path = place
     generator, names = shard_generator(record.seed, index), record.config.families_of(index, scans)
     made = synthesize(record.config, names, generator=generator, scans=scans)
@@ -111,7 +111,7 @@ def make_shard(
 
 
 def write_clips(path: Path, clips: Bundle, record: ShardRecord) -> None:
-    """Write the clips of a shard: tensors as such, and texts in the record."""
+    """Write the clips of a shard: tensors as tensors, arrays of strings in the JSON record."""
     held = {field.name: getattr(clips, field.name) for field in fields(clips)}
     texts = {name: value.tolist() for name, value in held.items() if isinstance(value, np.ndarray)}
     tensors = {name: value for name, value in held.items() if name not in texts}
@@ -119,20 +119,20 @@ def write_clips(path: Path, clips: Bundle, record: ShardRecord) -> None:
 
 
 def _lost(place: tuple[int, Path], why: str) -> None:
-    """A shard that killed its workers ends the run."""
+    """End the run with an `InputError`: the shard at `place` killed its worker processes."""
     raise InputError(f"{place[1]}: {why}")
 
 
 def record_differences(found: ShardRecord, asked: ShardRecord) -> str:
-    """What differs between two records of how shards were made, in words; empty when nothing."""
+    """The settings that differ between two records, as text; empty if there are none."""
     was, wanted = (as_dict(record) for record in (found, asked))
     return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
 
 
 @contextmanager
 def whole_shard(path: Path, kind: ShardConfig) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """An opened shard of a kind and its record; `InputError` where the file, or the block, finds
-    damage."""
+    """An opened shard and its record. Damage becomes `InputError`, whether opening the file or the
+    body of the `with` finds it."""
     try:
         with opened_tensors(path) as opened:
             yield opened
@@ -144,8 +144,8 @@ def whole_shard(path: Path, kind: ShardConfig) -> Iterator[tuple[Any, dict[str, 
 
 
 def refuse_damage(clips: Bundle, ranges: Mapping[str, tuple[int, int]]) -> None:
-    """Refuse what only damage makes: no clips or points, NaN, or numbers out of the `ranges` that
-    some fields have."""
+    """`ValueError` for values that only damage explains: empty tensors, NaN, too large numbers, or
+    numbers outside the `ranges` of fields."""
     for name, value in vars(clips).items():
         if not isinstance(value, Tensor):
             continue
@@ -159,7 +159,7 @@ def refuse_damage(clips: Bundle, ranges: Mapping[str, tuple[int, int]]) -> None:
 
 
 def shard_record(path: Path, defaults: ShardConfig = DEFAULTS) -> ShardRecord:
-    """What a shard was made with; a setting that it does not name has its default.
+    """The record of a shard; a setting that the file does not name has its default.
 
     Raises:
         InputError: the file is no whole shard, holds other clips than those of `defaults`, or has
@@ -184,13 +184,13 @@ def shard_record(path: Path, defaults: ShardConfig = DEFAULTS) -> ShardRecord:
 
 
 def kind_of(names: Iterable[str]) -> str:
-    """What clips are whose tensors have these names; see `ShardConfig.kind`."""
+    """The kind of clips (see `ShardConfig.kind`), recognised by the names of their tensors."""
     marks = {"verb": "actions", "gesture": "bodies"}
     return next((marks[name] for name in names if name in marks), DEFAULTS.kind)
 
 
 def unfinished(folder: Path, config: ShardConfig) -> tuple[str, ...]:
-    """A note where a folder lacks shards of the data set that it was begun with."""
+    """A note if a folder has fewer shards than its data set is meant to have."""
     there = len(list(folder.glob("*_*.safetensors")))
     if there >= config.shards:
         return ()
@@ -223,7 +223,7 @@ def find_shards(folder: Path, split: str, defaults: ShardConfig = DEFAULTS) -> l
 
 
 def read_shard(path: Path) -> Interactions:
-    """One shard, mapped from its file: pages are read when they are used.
+    """One shard, memory-mapped: pages of the file are read when they are used.
 
     `InputError` if the file is no whole shard.
     """
@@ -238,7 +238,7 @@ def read_shard(path: Path) -> Interactions:
 
 
 def _check_hands_and_motion(clips: Interactions) -> None:
-    """Refuse bones and rotations of impossible lengths, which damage makes of them."""
+    """`ValueError` for bone lengths and rotation matrices that only damage explains."""
     axes, bones = clips.rotation.norm(dim=-1), clips.offsets.norm(dim=-1)
     if not bool(((axes - 1).abs() < 1e-2).all()):
         raise ValueError("rotations whose rows are not of length 1")
@@ -247,9 +247,9 @@ def _check_hands_and_motion(clips: Interactions) -> None:
 
 
 def scans_of(path: Path, defaults: SynthesisConfig = DEFAULTS) -> Scans | None:
-    """The scanned objects of a shard, which are in a file beside it; None where it has none.
+    """The scanned objects of a shard, from a file beside it; None if the shard has none.
 
-    `InputError` if that file is missing, broken or another one.
+    `InputError` if that file is missing, broken or has another fingerprint.
     """
     if not (wanted := shard_record(path, defaults).objects):
         return None
@@ -260,5 +260,5 @@ def scans_of(path: Path, defaults: SynthesisConfig = DEFAULTS) -> Scans | None:
 
 
 def read_shards(folder: Path, split: str) -> Streamed[Interactions]:
-    """The interactions of one split ("train" or "val"), mapped from files; as `find_shards`."""
+    """The interactions of one split ("train" or "val"), memory-mapped; raises as `find_shards`."""
     return Streamed.of_files(find_shards(folder, split), read_shard)

@@ -1,8 +1,8 @@
-"""Augmentation of clean hands: motion that the grasps of the synthesis lack.
+"""Augmentation of clean hands with motion that synthesized grasps lack.
 
-Recorded hands turn about their fingertips while they hold, shift, and move their fingers all the
-time; people, and the fits that make ground truth, also have finger poses of their own. Real skin
-stays at the surface meanwhile, but added motion takes it off or into it: hands are brought back.
+Recorded hands turn about their fingertips while they hold an object, shift on it, and move their
+fingers all the time. People, and the fits that make ground truth, have individual finger poses.
+Added motion lifts a hand off the surface or moves it in, so it is corrected to keep its contact.
 """
 
 from dataclasses import dataclass, field
@@ -27,20 +27,20 @@ from geneoh.synthesis.motions.smoothing import smoothed_motion
 
 @dataclass(frozen=True)
 class KeptContactConfig(Limited):
-    """How many hands are brought back, and how exactly; lengths in metres."""
+    """How hands are corrected to keep their contact; in metres, with standard deviations."""
 
     LIMITS: ClassVar[Limits] = {
         "rounds": (0, 20),
         **dict.fromkeys(("near", "fade", "deviation", "smoothing"), (1e-6, 1000)),
     }
 
-    share: float = 0.0  # share of the windows whose hand is brought back
-    rounds: int = 2  # corrections, one after the other; 0 leaves the hands where they are
+    share: float = 0.0  # share of the windows whose hand is corrected
+    rounds: int = 2  # iterations of the correction; 0 leaves the hands as they are
     near: float = 0.012
-    """Height of keypoints over the surface up to which they count as touching it."""
-    fade: float = 0.006  # deviation of the bell curve by which higher ones count less
-    deviation: float = 0.0015  # of the height that is kept
-    smoothing: float = 1.5  # deviation over which corrections are smoothed, frames
+    """Height of keypoints over the surface up to which they count fully as touching it."""
+    fade: float = 0.006  # deviation of the Gaussian by which the weight falls above `near`
+    deviation: float = 0.0015  # with which the height of a touching keypoint is kept
+    smoothing: float = 1.5  # deviation of the Gaussian that smooths corrections, frames
 
 
 def with_kept_contact(
@@ -50,10 +50,10 @@ def with_kept_contact(
     config: KeptContactConfig | None = None,
     chosen: Bool[Tensor, " B"] | None = None,
 ) -> HandParameters:
-    """Hands whose keypoints are as high over the surface as they were `before`, where that is near.
+    """Hands corrected so that touching keypoints keep the height over the surface of `before`.
 
-    Others come no nearer than they were, or than `near`. World frame in and out, smooth over time.
-    With `chosen`, the hands of the other windows stay as they are.
+    Other keypoints are only pushed away where they come nearer than `near` and than before. World
+    frame in and out, smooth over time. With `chosen`, only the hands of these windows change.
     """
     config = config or KeptContactConfig()
     wanted = _heights(before.joints, surface)[0]
@@ -61,7 +61,7 @@ def with_kept_contact(
     least = wanted.clamp(max=config.near)
     for _ in range(config.rounds):
         height, normal = _heights(hand.joints, surface)
-        # keypoints that did not touch keep out of the object
+        # keypoints that did not touch are kept out of the object
         away = (height < least) & (touching < 0.5)
         weight = torch.where(away, 1.0, touching)
         missing = torch.where(away, least, wanted) - height
@@ -75,7 +75,7 @@ def with_kept_contact(
 def _heights(
     joints: Float[Tensor, "B T 21 3"], surface: ObjectSurface
 ) -> tuple[Float[Tensor, "B T 21"], Float[Tensor, "B T 21 3"]]:
-    """Heights of keypoints over the plane of the nearest surface point, and its outward normal."""
+    """Heights of keypoints over the tangent plane at the nearest surface point, and its normal."""
     near = nearest_on_parts(joints, surface)
     return ((joints - near.points) * near.normals).sum(-1), near.normals
 
@@ -87,10 +87,10 @@ def _correction(
     weight: Float[Tensor, "B T 21"],
     config: KeptContactConfig,
 ) -> Float[Tensor, "B T 51"]:
-    """The most probable change, in units of `UNIT`, that raises keypoints by `missing`.
+    """The most probable change, in units of `UNIT`, that raises keypoints by `missing` metres.
 
-    Units are the prior deviations, and heights have a deviation of their own: the mean of a
-    Gaussian given 21 linear measurements.
+    It is the posterior mean given 21 linear measurements: the prior of the change is Gaussian with
+    `UNIT` as standard deviations, and heights are measured with `config.deviation`.
     """
     joints, turn = hand.posed
     order = list(MANO_FROM_OPENPOSE)
@@ -110,34 +110,34 @@ def _correction(
     return (slope.mT @ torch.linalg.solve(system, wanted))[..., 0]
 
 
-MOST_PERIOD = 1_000_000  # frames of the slowest motion
+MOST_PERIOD = 1_000_000  # longest period of added motion, frames
 
 
 @dataclass(frozen=True)
 class AugmentationConfig(Limited):
-    """How much hands move beyond what was synthesized. A share is of the windows."""
+    """Motion that is added to hands. Shares are of the windows, deviations are standard ones."""
 
     LIMITS: ClassVar[Limits] = dict.fromkeys(("turn", "shift", "fingers"), (1e-9, 1000))
 
-    share: float = 0.85  # share whose hand moves more than it was made to
+    share: float = 0.85  # share to whose hand motion is added
     periods: tuple[float, ...] = (1.0, 2.0, 4.0, 10.0, 25.0)
-    """Frames over which such motion changes; each window has a mixture of its own."""
+    """Time scales of added motion, frames; each window has a random mixture of them."""
     period_power: float = 0.3
-    """Power of its period by which a motion counts in that mixture: slow motion is larger."""
+    """Motion counts in the mixture by its period to this power: slow motion is larger."""
     turn: tuple[float, float] = (0.02, 0.4)
     """Range of the deviation of the turn about the fingertips, radians, log-uniform."""
     shift: tuple[float, float] = (0.0006, 0.02)  # range of the shift's deviation, m, log-uniform
     fingers: tuple[float, float] = (0.05, 0.8)
-    """Range of the deviation of the finger joints, in those of the pose prior, log-uniform."""
-    style_share: float = 0.5  # share whose finger pose is set off as a whole
+    """Range of the deviation of the finger joints, relative to the pose prior's, log-uniform."""
+    style_share: float = 0.5  # share whose finger pose has a constant offset
     style: float = 0.4
-    """Deviation of that offset, in those of the pose prior: little where joints hardly move."""
+    """Deviation of that offset, relative to the pose prior's: small where joints hardly move."""
     smallest_style: float = 0.04  # least deviation of that offset, radians
     contact: KeptContactConfig = field(default_factory=KeptContactConfig)
-    """How the hands that move more are brought back to the surface that they touched."""
+    """How hands with added motion are corrected to keep their contact."""
 
     def __post_init__(self) -> None:
-        """Refuse numbers outside of their limits, and motion of no period."""
+        """Refuse numbers outside of their limits, and an empty list of periods."""
         super().__post_init__()
         if not self.periods or not all(0 < period <= MOST_PERIOD for period in self.periods):
             raise ConfigError(
@@ -149,7 +149,7 @@ class AugmentationConfig(Limited):
 def augmented(
     hand: HandParameters, draws: Draws, config: AugmentationConfig | None = None
 ) -> HandParameters:
-    """The same windows with hands that move more; world frame in and out, smooth over time."""
+    """Add random motion and finger poses to clean hands; world frame in and out, smooth in time."""
     config = config or AugmentationConfig()
     motion = _mixed_motion(hand.wrist.shape[1], config, draws)
     moves = draws.chance(config.share, 1, 1).float()
@@ -172,7 +172,7 @@ def augmented(
 
 
 def _mixed_motion(frames: int, config: AugmentationConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
-    """Motion of unit size in every channel, a random mixture of fast and slow."""
+    """Noise of unit variance in every channel, a random mixture of all `periods`."""
     bands = [draws.smooth(frames, 51, period) for period in config.periods]
     share = draws.share(1, 1, len(bands)) * torch.tensor(config.periods) ** config.period_power
     share = share / share.square().sum(-1, keepdim=True).sqrt()

@@ -1,4 +1,4 @@
-"""Training batches: random windows of synthetic interactions, corrupted and made canonical."""
+"""Training batches: random windows of interactions, corrupted, and in the canonical frame."""
 
 from dataclasses import dataclass
 
@@ -27,17 +27,17 @@ from geneoh.training.windows import draw_windows, filled
 
 @dataclass(frozen=True)
 class Batch(Bundle):
-    """Clean and noisy hands of one window length around the noisy hand's contact points."""
+    """Clean and noisy hands in B windows of T frames, and the inputs of the networks."""
 
     clean: Float[Tensor, "B T 21 3"]  # world frame, metres
-    noisy: Float[Tensor, "B T 21 3"]  # world frame, gaps filled linearly, after MotionDiff or not
-    observed: Float[Tensor, "B T 21 3"]  # the same before MotionDiff
-    region: ContactRegion
+    noisy: Float[Tensor, "B T 21 3"]  # world frame, gaps filled; after MotionDiff if there is one
+    observed: Float[Tensor, "B T 21 3"]  # before MotionDiff, gaps filled, world frame
+    region: ContactRegion  # contact points of `noisy` and their canonical frame
     observation: Observation  # the noisy hand in the canonical frame of `region`
 
     hand: HandParameters  # the clean hand's parameters in the canonical frame of `region`
-    motion: ObservedMotion  # the noisy hand's parameters there, with the other inputs of MotionDiff
-    evidence: SpatialEvidence  # what tells SpatialDiff the place of the noisy hand
+    motion: ObservedMotion  # input of MotionDiff, in the canonical frame of the observed hand
+    evidence: SpatialEvidence  # input of SpatialDiff
 
     @property
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:
@@ -46,7 +46,7 @@ class Batch(Bundle):
 
     @property
     def steps(self) -> TemporalEvidence:
-        """What tells TemporalDiff how the noisy hand moves over the surface."""
+        """Input of TemporalDiff: the motion of the noisy hand over the surface."""
         return TemporalEvidence.at(
             self.evidence, self.noisy, self.observed, self.observation.trust.mean(-1)
         )
@@ -62,11 +62,10 @@ def draw_batch(
     part: Part | None = None,
     device: torch.device | None = None,
 ) -> Batch:
-    """A batch of `size` random windows, or a part of it, on a device.
+    """A batch of `size` random windows, or the `part` of it, on a device.
 
-    Random numbers are drawn on the CPU, the same for every device; the surface near the hands is
-    searched on the device. A stage that follows `motion_denoiser` is shown the hand that this
-    leaves.
+    Random numbers are drawn on the CPU, the same for every device; nearest surface points are
+    computed on the device. With `motion_denoiser`, noisy hands are first denoised by it.
     """
     config = config or TrainConfig()
     draws = Draws(size if part is None else part.count, generator, part)
@@ -79,7 +78,7 @@ def draw_batch(
         windows, clean = windows.to(device), clean.to(device)
         noise, turn = noise.to(device), turn.to(device)
     contact = config.augmentation.contact
-    if contact.share:  # else no number is drawn, so that seeds draw what they did before
+    if contact.share:  # otherwise nothing is drawn, so that older seeds give the same batches
         kept = draws.chance(contact.share).to(clean.wrist.device)
         clean = with_kept_contact(clean, windows.hand, windows, contact, kept)
     windows = windows.shaken(noise.object_turn, noise.object_shift)
@@ -105,7 +104,7 @@ def draw_batch(
 def after_motion(
     observed: ObservedMotion, model: MotionDenoiser, config: TrainConfig, draws: Draws
 ) -> Float[Tensor, "B T 51"]:
-    """A quick sample of the change that MotionDiff makes to the observed hand, canonical axes."""
+    """MotionDiff's change of the observed hand by few steps; units of `UNIT`, canonical axes."""
     device = next(model.parameters()).device
     there = observed.to(device)
 

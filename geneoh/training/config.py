@@ -20,7 +20,7 @@ from geneoh.training.recordings import ClipConfig
 from geneoh.training.run_config import RunConfig
 from geneoh.training.windows import WindowConfig
 
-FOLLOWS = ("spatial", "temporal", "relations")  # stages that learn on the output of MotionDiff
+FOLLOWS = ("spatial", "temporal", "relations")  # stages that are trained on MotionDiff's output
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class TrainConfig(RunConfig):
     }
 
     autoencoder_steps: int = 3000
-    """Latent stage only: steps spent on the autoencoder before its latent is denoised."""
+    """Latent stage only: training steps of the autoencoder, before the denoiser is trained."""
     motion_level: int = 650
-    """Stages after MotionDiff only: level from which it denoises what they are shown."""
-    motion_steps: int = 3  # denoising steps of that, fewer than in use: it is run for every batch
+    """Stages after MotionDiff only: noise level from which MotionDiff denoises their input."""
+    motion_steps: int = 3  # its denoising steps, fewer than at inference since it runs every batch
     windows: WindowConfig = field(default_factory=WindowConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     corruption: CorruptionConfig = field(default_factory=CorruptionConfig)
@@ -55,5 +55,5 @@ class TrainConfig(RunConfig):
     toch: TochConfig = field(default_factory=TochConfig)
     regression: RegressionConfig = field(default_factory=RegressionConfig)
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
-    """Of the interactions that are made where the run's folder of them is empty."""
+    """How interactions are synthesized if the data folder is empty."""
     clips: ClipConfig = field(default_factory=ClipConfig)  # how clips are cut out of recordings

@@ -1,8 +1,8 @@
 """Random corruption of clean windows: a mixture of the errors of real hand trackers.
 
-Offsets act on hand parameters, as estimators err, with keypoint jitter on top. Sizes and
+Errors are added to hand parameters, as estimators err, and keypoint jitter on top. Their size and
 correlation in time vary from window to window, from none at all to more than the paper's noises.
-Some errors are a matter of the motion itself: fingers that bend too little, and filters that lag.
+Some errors depend on the motion: fingers that bend too little or too much, and filters that lag.
 """
 
 import math
@@ -21,12 +21,12 @@ from geneoh.sequence.noise import with_memory
 from geneoh.synthesis.draws import Draws
 
 CHANNELS = torch.tensor([3, 3, 45])
-"""Numbers of the translation, the global rotation and the finger joints."""
+"""Number of parameters of the translation, the global rotation and the finger joints."""
 
 
 @dataclass(frozen=True)
 class CorruptionConfig(Limited):
-    """How large the errors are, and how they change over time. A share is of the windows."""
+    """Size and change over time of the errors. Shares are of windows, deviations are standard."""
 
     LIMITS: ClassVar[Limits] = {
         **{"common_size": (0, 1), "bent_fingers": (0, 1), "bend": (0, 2)},
@@ -38,86 +38,86 @@ class CorruptionConfig(Limited):
         **{"gaps": (1, 1000), "gap_frames": (1, Limited.LARGEST)},
     }
 
-    clean_share: float = 0.1  # share whose parameters are left: clean hands must stay clean
+    clean_share: float = 0.1  # share whose parameters are exact: clean hands must stay clean
     translation: tuple[float, float] = (0.0005, 0.014)
     """Range of the deviation of the translation, metres, log-uniform."""
     rotation: tuple[float, float] = (0.004, 0.13)
     """Range of the deviation of the global rotation, radians, log-uniform."""
     fingers: tuple[float, float] = (0.02, 0.6)
     """Range of the deviation of the finger joints, radians, log-uniform."""
-    common_size: float = 0.7  # how much the three sizes agree, 0 to 1: bad tracks are bad in all
+    common_size: float = 0.7  # weight of a size that the three share: bad tracks are bad in all
     apart_share: float = 0.4
-    """Share in which translation, rotation and fingers each err in their own way and size: many
-    trackers know the pose of a hand well, and its place badly."""
-    exact_share: float = 0.3  # share of the three in such windows that are exact
-    joint_scatter: float = 0.6  # deviation of the logarithm of the size from joint to joint
-    largest_joint: float = 1.5  # largest factor that this makes
-    burst_share: float = 0.3  # share with frames of larger independent errors than the others
-    burst_frames: float = 0.1  # largest share of such frames
-    burst_factor: tuple[float, float] = (3.0, 9.0)  # range of how many times larger they are
+    """Share in which errors of translation, rotation and fingers are independent in kind and size:
+    many trackers are good at the pose of a hand, and bad at its position."""
+    exact_share: float = 0.3  # in such windows, probability that each of the three has no error
+    joint_scatter: float = 0.6  # deviation of the logarithm of each finger joint's size factor
+    largest_joint: float = 1.5  # largest size factor of a finger joint
+    burst_share: float = 0.3  # share with bursts: frames whose independent errors are larger
+    burst_frames: float = 0.1  # largest share of the frames of a window that are bursts
+    burst_factor: tuple[float, float] = (3.0, 9.0)  # range of the factor of errors in bursts
     drift_frames: tuple[float, float] = (2.0, 60.0)
     """Range of the correlation time of slow errors, frames, log-uniform."""
     right_share: float = 0.4
-    """Share of one-sided errors, positive in all channels; a constant is the paper's Beta noise."""
+    """Share whose one-sided errors (as the paper's Beta noise) are positive in all channels."""
     left_share: float = 0.4
-    """The same with the signs of a mirrored left hand; all other windows have random signs."""
+    """Share whose one-sided errors have the signs of a mirrored left hand; others are random."""
     one_sided: tuple[float, float] = (0.8, 0.15)
     """Mean and deviation over time of one-sided errors, relative to their size."""
-    gap_share: float = 0.33  # share that loses frames
-    gaps: int = 3  # most runs of lost frames
-    gap_frames: tuple[int, int] = (2, 10)  # shortest and longest run
+    gap_share: float = 0.33  # share with gaps, runs of frames without a hand
+    gaps: int = 3  # largest number of gaps in a window
+    gap_frames: tuple[int, int] = (2, 10)  # shortest and longest gap
     bent_share: float = 0.0
-    """Share whose fingers bend too little or too much: regression draws to the mean pose."""
-    each_bent_share: float = 0.4  # share of such windows in which some fingers do, by themselves
-    bent_fingers: float = 0.4  # share of the fingers that do in these
-    bend: tuple[float, float] = (0.2, 1.2)  # range of the factor of their angles, uniform
-    filtered_share: float = 0.0  # share that was filtered by the frames before, and comes late
+    """Share whose fingers bend too little or too much: regression tends to the mean pose."""
+    each_bent_share: float = 0.4  # share of such windows in which single fingers have own factors
+    bent_fingers: float = 0.4  # share of the fingers that have one in these
+    bend: tuple[float, float] = (0.2, 1.2)  # range of the factor of the joint angles, uniform
+    filtered_share: float = 0.0  # share that was smoothed by a causal filter, and therefore lags
     filter_memory: tuple[float, float] = (0.2, 0.75)
-    """Range of the share that each filtered frame keeps of the one before it, uniform."""
+    """Range of the filter's weight of the previous filtered frame, uniform."""
     jitter_share: float = 0.25  # share whose keypoints jitter independently, as detectors' do
     jitter: float = 0.006  # largest deviation of that jitter, metres
-    camera_share: float = 0.4  # share with the error of one camera: depth is off along a ray
+    camera_share: float = 0.4  # share with the depth error of a single camera, along a random ray
     depth: tuple[float, float] = (0.005, 0.045)
-    """Range of the deviation of the depth that lasts, metres, log-uniform."""
-    depth_drift: float = 0.8  # largest deviation of the depth that drifts, relative to that
+    """Range of the deviation of the constant depth error, metres, log-uniform."""
+    depth_drift: float = 0.8  # largest deviation of the drifting depth error, relative to `depth`
     depth_frames: float = 15.0  # correlation time of that drift, frames
-    depth_jitter: float = 0.5  # largest deviation of single frames' depth, relative to what lasts
-    blunder_share: float = 0.02  # share of the frames of every second such window with a blunder
-    blunder: float = 0.06  # size of a blunder, metres
-    across: float = 0.004  # deviation of the lasting error across the ray, metres
-    ray_share: float = 0.5  # share of such windows whose ray is told
-    other_ray_share: float = 0.1  # share of the others told a ray, along which they do not err
-    shaky_share: float = 0.35  # share whose object shakes, as is left when its track was smoothed
+    depth_jitter: float = 0.5  # largest deviation of independent depth errors, relative to `depth`
+    blunder_share: float = 0.02  # share of frames with a blunder, in every second such window
+    blunder: float = 0.06  # depth error of a blunder, metres
+    across: float = 0.004  # deviation of the constant error across the ray, metres
+    ray_share: float = 0.5  # share of such windows whose ray the network gets
+    other_ray_share: float = 0.1  # share of other windows that get a ray without errors along it
+    shaky_share: float = 0.35  # share with noise on the object's pose, as left after smoothing
     object_turn: tuple[float, float] = (0.004, 0.1)
     """Range of the deviation of the object's rotation, radians, log-uniform."""
     object_shift: tuple[float, float] = (0.0005, 0.012)
     """Range of the deviation of the object's translation, metres, log-uniform."""
-    object_frames: float = 15.0  # correlation time of its noise, frames; half of it is white
-    object_white_left: float = 0.15  # share of the white noise's deviation that smoothing leaves
-    lasting_turn: float = 0.03  # deviation of its rotation for a whole window, in all, radians
-    lasting_shift: float = 0.004  # of its translation, metres: no recording knows its object better
+    object_frames: float = 15.0  # correlation time of the slow half of this noise, frames
+    object_white_left: float = 0.15  # share that smoothing leaves of the other half, white noise
+    lasting_turn: float = 0.03  # deviation of the object's constant rotation error, radians
+    lasting_shift: float = 0.004  # of its constant translation error, metres; both in all windows
 
 
 @dataclass(frozen=True)
 class Corruption(Bundle):
-    """Errors of the parameters, observed frames and keypoint jitter of B windows."""
+    """Errors of hand and object, and observed frames, of B windows."""
 
     translation: Float[Tensor, "B T 3"]
     pose: Float[Tensor, "B T 16 3"]
-    bend: Float[Tensor, "B 15"]  # factor of the angles of the finger joints, before `pose` is added
+    bend: Float[Tensor, "B 15"]  # factor of the finger joint angles, before `pose` is added
     memory: Float[Tensor, "B 2"]
-    """Share that the place and the fingers, as filtered, keep of the frame before."""
-    keep: Bool[Tensor, "B T"]
+    """Weight of the previous frame in the filters of the wrist position and of the fingers."""
+    keep: Bool[Tensor, "B T"]  # frames in which the hand is observed
     jitter: Float[Tensor, "B T 21 3"]
-    ray: Float[Tensor, "B 3"]  # unit direction from the camera, world; zero where it is not told
+    ray: Float[Tensor, "B 3"]  # unit direction from the camera, world; zero where it is not known
     object_turn: Float[Tensor, "B T 3"]
-    """Turn of the object in its own frame, axis-angle, and its shift in the world."""
+    """Rotation error of the object in its own frame (axis-angle); below, its shift in the world."""
     object_shift: Float[Tensor, "B T 3"]
     object_noise: Float[Tensor, "B 2"]
     """Deviation of white noise on the object's rotation (rad) and translation (m) as tracked."""
 
     def tracked(self, clean: HandParameters) -> HandParameters:
-        """Clean hands of the world as a tracker has them."""
+        """Clean hands with these errors, without gaps and keypoint jitter; world frame."""
         noisy = HandParameters.of_pose(
             clean.wrist + self.translation, clean.pose + self.pose, clean.offsets
         )
@@ -132,7 +132,7 @@ class Corruption(Bundle):
 def draw_corruption(
     frames: int, draws: Draws, config: CorruptionConfig | None = None
 ) -> Corruption:
-    """Corruption of B windows of T frames."""
+    """Draw the corruption of B windows of T frames."""
     config = config or CorruptionConfig()
     apart = draws.chance(config.apart_share, 1)
     noise, size = _unit_noise(frames, config, apart, draws), _sizes(config, apart, draws)
@@ -159,7 +159,7 @@ def draw_corruption(
 def _camera(
     frames: int, config: CorruptionConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B 3"]]:
-    """Errors along the ray of a camera, and the ray where it is told, else zero."""
+    """Translation errors along a camera ray, and the ray, or zero where the network gets none."""
     ray = torch.nn.functional.normalize(draws.normal(3), dim=-1)
     errs = draws.chance(config.camera_share, 1)
     correlation = torch.full((draws.batch,), config.depth_frames)
@@ -180,7 +180,7 @@ def _camera(
 def _object_noise(
     frames: int, config: CorruptionConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3"], Float[Tensor, "B 2"]]:
-    """Turn and shift that are left in the object's smoothed track, and its white noise before."""
+    """Errors that smoothing leaves in the object's track, and its white noise before smoothing."""
     shakes = draws.chance(config.shaky_share, 1)
     ranges = config.object_turn, config.object_shift
     size = torch.stack([draws.log_uniform(limits) for limits in ranges], -1) * shakes
@@ -196,9 +196,9 @@ def _object_noise(
 def _unit_noise(
     frames: int, config: CorruptionConfig, apart: Bool[Tensor, "B 1"], draws: Draws
 ) -> Float[Tensor, "B T 51"]:
-    """A mixture of independent, slow, constant and one-sided noise, of unit size in all.
+    """A mixture of independent, slow, constant and one-sided noise, of about unit size.
 
-    Where translation, rotation and fingers err `apart`, each has a mixture of its own.
+    In windows that are `apart`, translation, rotation and fingers each have their own mixture.
     """
     share = torch.log(draws.share(3, 4).clamp(min=1e-4)) ** 2  # one or two dominate each mixture
     share = torch.where(apart[..., None], share, share[:, :1])
@@ -218,13 +218,13 @@ def _unit_noise(
 def _ornstein_uhlenbeck(
     white: Float[Tensor, "B T C"], correlation: Float[Tensor, " B"]
 ) -> Float[Tensor, "B T C"]:
-    """Noise of unit variance with the given correlation time in frames, from white noise."""
+    """White noise turned into noise of unit variance with a `correlation` time in frames."""
     stay = torch.exp(-1.0 / correlation)[:, None]
     return with_memory(white, stay, (1 - stay**2).sqrt())
 
 
 def _one_sided(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
-    """Mostly a bias, with the signs of a right hand, of a mirrored left one, or random ones."""
+    """Noise close to a bias, with all signs positive, as in a mirrored left hand, or random."""
     flip = torch.tensor(MIRROR)
     left = torch.cat([flip, -flip.repeat(16)])
     random, draw = draws.normal(51).sign(), draws.share(1)
@@ -237,9 +237,9 @@ def _one_sided(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Ten
 def _sizes(
     config: CorruptionConfig, apart: Bool[Tensor, "B 1"], draws: Draws
 ) -> Float[Tensor, "B 51"]:
-    """Deviation of each channel: translation, global rotation and finger joints.
+    """Standard deviation of each channel of translation, global rotation and finger joints.
 
-    Where these err `apart`, their sizes do not agree, and some are zero.
+    In windows that are `apart`, the three sizes are independent, and some are zero.
     """
     ranges = torch.tensor([config.translation, config.rotation, config.fingers])
     low, high = ranges.log().unbind(-1)
@@ -252,7 +252,7 @@ def _sizes(
 
 
 def _bend(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 15"]:
-    """Factors of the angles of the finger joints, the same within a finger or in the whole hand."""
+    """Factors of the finger joint angles, one per finger or one for the whole hand."""
     if not config.bent_share:
         return torch.ones(draws.batch, 15)
     each = draws.uniform(config.bend, 5)
@@ -263,7 +263,7 @@ def _bend(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 15"]:
 
 
 def _memory(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 2"]:
-    """Memory of the filters of place and fingers; every second one filters the place alone."""
+    """`Corruption.memory`; in every second filtered window only the wrist position is filtered."""
     if not config.filtered_share:
         return torch.zeros(draws.batch, 2)
     memory = draws.uniform(config.filter_memory, 1) * draws.chance(config.filtered_share, 1)
@@ -273,14 +273,14 @@ def _memory(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 2"]:
 def _filtered(
     values: Float[Tensor, "B T C"], memory: Float[Tensor, " B"]
 ) -> Float[Tensor, "B T C"]:
-    """Each frame mixed with the filtered one before it, as live trackers calm their answers."""
-    if not memory.any():  # as by default, in every batch
+    """Exponential smoothing with the previous filtered frame, as live trackers do."""
+    if not memory.any():  # the default: no window is filtered
         return values
     return with_memory(values, memory[:, None], 1 - memory[:, None])
 
 
 def _observed(frames: int, config: CorruptionConfig, draws: Draws) -> Bool[Tensor, "B T"]:
-    """Frames that are observed; a window that would lose all of them loses none."""
+    """Mask of observed frames; a window that would lose all frames keeps all."""
     time = torch.arange(frames)
     keep = torch.ones(draws.batch, frames, dtype=torch.bool)
     shortest, longest = config.gap_frames

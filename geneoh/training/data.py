@@ -1,6 +1,6 @@
-"""The data of a training run: made interactions and clips of recordings, in shares that are asked.
+"""The data of a training run: synthetic interactions and clips of recordings, mixed by weight.
 
-Recordings are split by whole objects, so that validation sees none that a network learned from.
+Recordings are split by whole objects, so that training and validation share no object.
 """
 
 import hashlib
@@ -46,35 +46,35 @@ Clips = TypeVar("Clips")
 
 @dataclass(frozen=True)
 class DataSource:
-    """A folder that a network learns from."""
+    """A folder of training data."""
 
     path: Path
-    source: str = ""  # name of a reader, or "sequences"; empty for made interactions
+    source: str = ""  # name of a reader, or "sequences"; empty for synthetic interactions
     weight: float = 1.0  # share of the windows, relative to the other sources
 
     def shards_in(self, cache: Path, kind: str = "") -> Path:
-        """The folder of the shards that are cut out of its recordings."""
+        """The folder in `cache` for the shards that are cut out of its recordings."""
         digest = hashlib.sha256(str(self.path.resolve()).encode()).hexdigest()[:8]
         return cache / f"{kind}{self.source}_{digest}"
 
 
 @dataclass(frozen=True)
 class TrainingData(Generic[Clips]):
-    """What a run learns from and is validated on."""
+    """The training and validation clips of a run."""
 
     training: Clips
     validation: Clips
     record: dict[str, Any]  # how the data was made, for the record of the weights
-    notes: tuple[str, ...] = ()  # what was found and what was left out, for people
+    notes: tuple[str, ...] = ()  # messages for the user: what was found and what was left out
 
 
 @dataclass(frozen=True)
 class Portion:
-    """Clips of one source in one split, and how many frames of each are real."""
+    """Clips of one source in one split."""
 
     clips: Streamed[Interactions]
-    lengths: Int[Tensor, " B"]
-    weight: float
+    lengths: Int[Tensor, " B"]  # frames of each clip without padding
+    weight: float  # of the source
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ class CutClips:
     source: DataSource
     clips: Streamed[Interactions]
     records: list[ClipRecord]
-    left_out: str  # frames that no clip holds, in words
+    left_out: str  # numbers of unused frames with reasons, in words
 
     def split(self, held: Bool[Tensor, " B"]) -> list[Portion]:
-        """Those to learn from and those held out; the same ones twice where none are."""
+        """Training and validation clips; all clips for both if none are held out."""
         lengths = torch.tensor([record.length for record in self.records])
         return [
             Portion(self.clips.only(kept), lengths[kept], self.source.weight)
@@ -95,7 +95,7 @@ class CutClips:
         ]
 
     def words(self, by: str) -> str:
-        """What there is, what is held out, and what was left out, for people."""
+        """A message on the clips and unused frames; `by` describes the validation split."""
         objects = len({record.object for record in self.records})
         of = "one object" if objects == 1 else f"{objects} objects"
         found = f"{self.source.source}: {len(self.records)} clips of {of}, {by}"
@@ -103,11 +103,10 @@ class CutClips:
 
 
 def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> DataSource:
-    """A source as it is written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
+    """Parse a source as written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
 
     Raises:
-        ConfigError: the source is none of the `known`, or the weight is no number above
-            zero.
+        ConfigError: there is no path, the source is not `known`, or the weight is not above zero.
     """
     if not text.rpartition("=")[2]:
         raise ConfigError(f"--data {text}: expected a path, got none; name a folder")
@@ -137,13 +136,13 @@ def training_data(
     *,
     on_progress: OnProgress | None = None,
 ) -> TrainingData[Streamed[Interactions]]:
-    """Read the data of a run; what is not there yet is made first, and an interrupted one goes on.
+    """Read the data of a run, after making the shards that are missing.
 
-    Shards that are cut out of recordings lie in the folder `cache`. `on_progress` is called with
-    "interactions", or the name of a source, and what is done.
+    Shards that are cut out of recordings are kept in the folder `cache`. `on_progress` is called
+    with "interactions", or the name of a source, and the numbers done and in total.
 
     Raises:
-        InputError: a source holds nothing to learn from, or its files cannot be read.
+        InputError: a source holds no usable clips, or its files cannot be read.
     """
     found: list[list[Portion] | CutClips] = []
     made: list[dict[str, Any]] = []
@@ -173,10 +172,10 @@ def training_data(
 def made_data(
     folder: Path, read: Callable[[Path, str], Clips], defaults: ShardConfig
 ) -> TrainingData[Clips]:
-    """The clips in the shards of a folder, which `read` reads of a split ("train" or "val").
+    """The clips of both splits in a folder of synthetic shards, by `read(folder, split)`.
 
     Raises:
-        InputError: the folder holds no shards of both splits, or not of the kind of `defaults`.
+        InputError: the folder lacks shards of a split, or they are not of the kind of `defaults`.
     """
     training, validation = (read(folder, split) for split in ("train", "val"))
     record = shard_record(find_shards(folder, "train", defaults)[0], defaults)
@@ -184,13 +183,13 @@ def made_data(
 
 
 def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
-    """Make what a folder lacks of this config's interactions; those of another are left alone.
+    """Synthesize the missing shards of a folder, unless it holds those of another config.
 
     Raises:
         InputError: the path is a file, or a folder of other files, such as recordings.
     """
     there = sorted(folder.glob("*_*.safetensors"))
-    if not there and (folder / FILE).exists():  # they are to be made with scanned objects
+    if not there and (folder / FILE).exists():  # prepared for clips with scans, not made here
         return
     if not there:
         refuse_other_files(folder)
@@ -215,7 +214,7 @@ def refuse_other_files(folder: Path) -> None:
 def refuse_other_making(
     record: Mapping[str, Any], config: SynthesisConfig, settings: Iterable[str]
 ) -> None:
-    """Refuse `a.b=c` settings of made interactions that those of a record were not made with."""
+    """Refuse `a.b=c` settings of the synthesis that differ from those of existing shards."""
     names = {name for setting in settings for name in flat(parse_setting(setting))}
     known = flat({"synthesis": as_dict(config)})
     asked = {name.partition(".")[2]: known[name] for name in names & known.keys()}
@@ -228,13 +227,15 @@ def refuse_other_making(
 
 
 def whole(clips: Streamed[Interactions], weight: float) -> Portion:
-    """Made clips, all of whose frames are real."""
+    """Synthetic clips as a portion; they have no padding."""
     return Portion(clips, torch.full((len(clips),), clips.shards[0].wrist.shape[1]), weight)
 
 
 def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str]) -> CutClips:
-    """The clips in the shards of a source; `InputError` where there are none, which names the first
-    of the clips that could not be read."""
+    """The clips in the shards of a source; `InputError` if there are none.
+
+    `unread` are messages about clips that could not be read; the error quotes the first.
+    """
     clips: list[Interactions] = []
     records: list[ClipRecord] = []
     left_out: Counter[str] = Counter()
@@ -259,7 +260,7 @@ def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str])
 
 
 def _split(found: Sequence[list[Portion] | CutClips]) -> tuple[list[list[Portion]], list[str]]:
-    """What to learn from and what to validate on of each source, and words on recordings."""
+    """The training and validation portion of each source, and a message per recorded source."""
     splits = iter(held_out([each.records for each in found if isinstance(each, CutClips)]))
     portions: list[list[Portion]] = []
     notes: list[str] = []
@@ -273,7 +274,7 @@ def _split(found: Sequence[list[Portion] | CutClips]) -> tuple[list[list[Portion
 
 
 def mixed(portions: Sequence[Portion]) -> Streamed[Interactions]:
-    """All clips in one, drawn in the shares of their sources; one whole source stays as it is."""
+    """All clips joined, drawn by the weights of their sources; one unpadded source is unchanged."""
     together = Streamed.joined(portion.clips for portion in portions)
     shapes = {(shard.wrist.shape[1], shard.points.shape[1]) for shard in together.shards}
     frames, points = max(shape[0] for shape in shapes), min(shape[1] for shape in shapes)
@@ -289,7 +290,7 @@ def mixed(portions: Sequence[Portion]) -> Streamed[Interactions]:
 
 
 def evened(clips: Interactions, frames: int, points: int) -> Interactions:
-    """The clips padded with their last frame, with so many of their surface points."""
+    """The clips padded to `frames` with their last frame, with `points` of their surface points."""
     last = clips.wrist.shape[1] - 1
     some = spread(clips.points.shape[1], points)
     return clips.take(torch.arange(frames).clamp(max=last), "T").take(some, "P")

@@ -1,4 +1,4 @@
-"""Which clips of recordings are held out for validation: those of whole objects, or of people."""
+"""The validation split of recorded clips: whole objects, or whole people, are held out."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -10,21 +10,21 @@ from torch import Tensor
 from geneoh.seeds import seed_of
 from geneoh.training.recordings import ClipRecord
 
-HELD_OUT = 0.1  # share of a source's clips that is held out for validation, in whole objects
+HELD_OUT = 0.1  # share of a source's clips that is held out for validation
 
 
 def held_out(sources: Sequence[Sequence[ClipRecord]]) -> list[tuple[Bool[Tensor, " B"], str]]:
-    """Which clips of each source are held out for validation, and by what, in words.
+    """A mask of the held-out clips of each source, and a description of the split.
 
-    Whole objects, the same ones of all sources; of one object whole people; of one person with one
-    object none.
+    Whole objects are held out, the same ones in all sources; in a source with a single object,
+    whole people; in a source with a single object and person, nothing.
     """
     objects = held_names([[record.object for record in records] for records in sources])
     return [held_clips(records, objects) for records in sources]
 
 
 def held_clips(records: Sequence[ClipRecord], objects: set[str]) -> tuple[Bool[Tensor, " B"], str]:
-    """Which clips of one source are held out, and by what; all sources hold out `objects`."""
+    """The mask and description of one source; `objects` are those held out in all sources."""
     people = held_names([[record.person for record in records]])
     for kind, several, chosen in (("object", "objects", objects), ("person", "people", people)):
         names = [getattr(record, kind) for record in records]
@@ -37,9 +37,10 @@ def held_clips(records: Sequence[ClipRecord], objects: set[str]) -> tuple[Bool[T
 
 
 def held_names(sources: Sequence[Sequence[str]]) -> set[str]:
-    """Random names that are a tenth of the clips of each source, of the names of its clips.
+    """Random names that cover a share `HELD_OUT` or more of each source's clips, where possible.
 
-    One name of each source is left to learn from; where there is only one, it is not chosen.
+    `sources` holds the name (object or person) of each clip. At least one name of each source is
+    left for training.
     """
     counts, chosen = [Counter(names) for names in sources], set[str]()
     known = set[str]().union(*counts)

@@ -1,4 +1,4 @@
-"""The training loop of all networks: visible, resumable, the same on CPU and GPU."""
+"""The training loop of all networks: resumable, the same on CPU and GPU."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,17 +24,17 @@ from geneoh.training.tasks import MicroBatch, Task
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of a run, which the caller gets after each step."""
+    """The progress of a run, passed to `on_step` after each step."""
 
     step: int
     steps: int
     loss: float
     error_left: float | None
-    """What the task measures on its validation data; None between validations."""
+    """Validation error (`Task.validate`); None between validations."""
 
 
 def learning_rate(step: int, config: RunConfig) -> float:
-    """Warm-up, plateau, linear decay to zero."""
+    """Learning rate of a step: linear warm-up, plateau, linear decay to zero."""
     warm = min(1.0, (step + 1) / config.warmup)
     left = (config.steps - step) / max(1.0, config.decay * config.steps)
     return config.rate * warm * min(1.0, left)
@@ -43,7 +43,7 @@ def learning_rate(step: int, config: RunConfig) -> float:
 def batches(
     task: Task, first: int, team: Team, device: torch.device
 ) -> Iterator[Sequence[MicroBatch]]:
-    """The batches of the steps from `first` on, each made while the one before is learned."""
+    """The batches from step `first` on; a thread prepares each one during the previous step."""
     with ThreadPoolExecutor(max_workers=1) as worker:
 
         def prepared(step: int) -> Future[Sequence[MicroBatch]]:
@@ -58,7 +58,7 @@ def batches(
 
 
 def validate(state: TrainState, task: Task, team: Team, device: torch.device) -> float:
-    """Mean error of the run's result over fixed validation batches."""
+    """Mean validation error of the weights that would be written, over fixed batches."""
     kept = {n: t.clone() for n, t in state.model.state_dict().items()}
     state.model.load_state_dict(state.result)
     count = task.config.validation_batches
@@ -82,16 +82,16 @@ def train(
     """Train a network and return the path of its weights, `folder`/NAME.safetensors.
 
     The run's state is saved in `folder`/NAME_state.safetensors after every `checkpoint_every`
-    steps; a run started again with the same folder continues there. NAME_log.csv has a row per
-    validation (see `LogRow`). Ctrl-C ends a run after its step, with the state saved. `start` takes
-    the place of random first weights. Of several processes the first writes the files; all have the
-    same result.
+    steps; a run started again with the same folder continues from it. NAME_log.csv has a row per
+    validation (see `LogRow`). Ctrl-C ends a run after the current step and saves the state. `start`
+    holds initial weights, which are random by default. Of several processes, the first writes the
+    files; all have the same result.
 
     Raises:
         CheckpointError: the folder holds a run of another network, config or data, or of more
             steps.
-        ConfigError: there are fewer samples in a batch than pieces to divide it into, or the loss
-            is no number, or `start_share` is not zero without a start.
+        ConfigError: a batch has fewer samples than pieces to divide it into, or loss or gradient
+            are not finite, or `start_share` is not zero without `start`.
         InputError: the folder cannot be made, or another run of the task is working in it.
     """
     team = team or Team()
@@ -101,9 +101,9 @@ def train(
 
 
 def trained(task: Task, folder: Path, **how: Any) -> Any:
-    """The network of a task with the weights in a folder, for use on the CPU.
+    """The trained network of a task, for inference on the CPU.
 
-    It is trained there first where it is not; `how` and errors as of `train`.
+    It is trained in the folder if it is not yet; `how` and errors are those of `train`.
     """
     path = train(task, folder, device=torch.device("cpu"), **how)
     network = task.network()
@@ -120,7 +120,7 @@ def train_alone(
     on_step: Callable[[Progress], None] | None,
     team: Team,
 ) -> Path:
-    """Train in a folder in which no other run of the task works; see `train`."""
+    """Train in a folder that is locked for this run; see `train`."""
     config = task.config
     state_path, log_path = (
         folder / f"{task.name}_{what}" for what in ("state.safetensors", "log.csv")
@@ -159,7 +159,7 @@ def train_alone(
 
 
 def restore(state: TrainState, path: Path, task: Task, record: Mapping[str, Any]) -> None:
-    """Go on from a saved run of the same record, with no more steps than are asked for."""
+    """Load the saved state of the same run; `CheckpointError` if it has taken too many steps."""
     saved = load_checkpoint(path, remedy="remove it to train anew, or choose another output folder")
     refuse_other_run(path, saved.record, record, task.config.unread_by(task.name))
     state.restore(saved)
@@ -172,7 +172,7 @@ def restore(state: TrainState, path: Path, task: Task, record: Mapping[str, Any]
 
 
 def check_division(config: RunConfig, team: Team) -> None:
-    """Refuse to divide a batch into more pieces than it has windows."""
+    """`ConfigError` if a batch would be divided into more pieces than it has samples."""
     pieces = team.size * config.accumulate
     if pieces > config.batch:
         raise ConfigError(
@@ -207,7 +207,7 @@ def update(
     team: Team,
     interrupted: Callable[[], bool],
 ) -> tuple[float, bool]:
-    """One step of the optimiser and of the averaged weights.
+    """Take one step of the optimiser and update the averaged weights.
 
     Returns the loss of the batch, and whether any process was interrupted.
     """
@@ -235,7 +235,7 @@ def update(
 
 @torch.no_grad()
 def update_average(state: TrainState, decay: float) -> None:
-    """Move the averaged weights towards the network's; faster at first, to forget the start."""
+    """Update the moving average of the weights; its decay is smaller during the first steps."""
     decay = min(decay, (1 + state.step) / (10 + state.step))
     for name, tensor in state.model.state_dict().items():
         state.average[name].lerp_(tensor, 1 - decay)

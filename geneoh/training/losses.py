@@ -1,4 +1,4 @@
-"""The loss of each stage, a number for a batch, and the score of a validation batch."""
+"""The training loss of each stage, and the validation score."""
 
 import math
 from dataclasses import replace
@@ -25,31 +25,31 @@ from geneoh.synthesis.draws import Draws
 from geneoh.training.batches import Batch
 
 MOTION_SIGMAS = (0.15, 8.0)
-"""Range of the noise levels that MotionDiff learns, in units of the data's deviation."""
+"""Range of the noise levels of MotionDiff in training, in units of the data's deviation."""
 TRAJECTORY_SIGMAS, RELATION_SIGMAS, LATENT_SIGMAS = (0.05, 2.5), (0.04, 0.9), (0.02, 0.5)
-"""The same for the stages in the paper's form, which start at 2.0 (level 400), 0.7 (200) and 0.34
-(100)."""
+"""The same for the stages in the paper's form."""
 TRAJECTORY_START, RELATION_START, LATENT_START = 2.0, 0.7, 0.34
-"""Noise levels at which they are scored."""
+"""Noise levels at which these start at inference (levels 400, 200 and 100), and are validated."""
 HIGH_NOISE_BIAS, TRAJECTORY_HIGH_NOISE_BIAS = 4.0, 2.0
-"""Preference for high noise levels in the training of MotionDiff, where the observation is hard to
-learn to read, and of its form of the paper."""
+"""Preference for high noise levels in training (`draw_sigma`) of MotionDiff, whose observation is
+hard to use there, and of MotionDiff in the paper's form."""
 FPS = 30.0  # frames a second of all training data
 KEYPOINT_UNIT = 0.02  # keypoint error that counts as much as a parameter error of one unit, metres
-TRIALS = 32  # places at which SpatialDiff is asked in training, for each window
+TRIALS = 32  # shifts per window at which SpatialDiff's density is evaluated in training
 TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
-"""Trial places are around the hand that is seen (0) or the clean one (1): deviations in metres."""
-SHIFT_WIDTH = 0.004  # width of the density around the true shift, metres: that is not known better
+"""The mixture from which they are drawn: mean as a multiple of the true shift, and standard
+deviation in metres."""
+SHIFT_WIDTH = 0.004  # standard deviation of the target density, metres: accuracy of the truth
 PLACE_ERROR, STEP_ERROR = 0.01, 0.002
-"""Errors of a keypoint's place and of its step between frames that count alike, metres."""
-CONTACT_DECAY = 0.01  # distance from the surface over which steps lose weight, metres
-WEIGHT_FLOOR = 0.1  # squared error of an input, in such units, below which weights stay
+"""Errors of a keypoint's position, and of its step between frames, with equal weight; metres."""
+CONTACT_DECAY = 0.01  # decay length of the weight of steps with distance to the surface, metres
+WEIGHT_FLOOR = 0.1  # added to an input's squared error in `window_weight`, bounds the weight
 
 
 def draw_sigma(
     draws: Draws, limits: tuple[float, float], high_noise_bias: float = 1.0
 ) -> Float[Tensor, " B"]:
-    """Noise levels in units of the data's deviation: log-uniform for a bias of 1, else higher."""
+    """Noise levels in units of the data's deviation; log-uniform for a bias of 1, higher above."""
     low, high = (torch.tensor(x).log() for x in limits)
     share = draws.share() ** (1 / high_noise_bias)
     return torch.exp(low + (high - low) * share)
@@ -58,18 +58,18 @@ def draw_sigma(
 def window_weight(
     noisy: Float[Tensor, "B T 21 3"], clean: Float[Tensor, "B T 21 3"]
 ) -> Float[Tensor, " B"]:
-    """Weight of each window's squared error, about one over the deviation of its input's error.
+    """Weight of each window's squared error: about one over the RMS error of its input.
 
-    Unweighted, what is left of the error of a good track would hardly matter.
+    Without it, the remaining error of a good track would hardly matter.
     """
     given = (noisy - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
     return 1 / (given + WEIGHT_FLOOR).sqrt()
 
 
 def motion_loss(model: MotionDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
-    """Weighted squared error of the clean hand's parameters and of the keypoints they make.
+    """Weighted squared error of the predicted hand parameters, and of their keypoints.
 
-    All noise levels count alike: an error at a high level stays to the end.
+    All noise levels have equal weight: an error at a high level stays until the end.
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
@@ -85,9 +85,9 @@ def motion_loss(model: MotionDenoiser, batch: Batch, draws: Draws) -> Float[Tens
 def trajectory_loss(model: TrajectoryDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss).
 
-    The unit is the deviation of the noisy window, by which it is read in use. The mean is that of
-    the clean window, as in the paper: what lasts of an error is not seen here. High noise levels
-    are preferred, because what is lost there stays to the end of a chain.
+    Windows are scaled by the deviation of the noisy window, as at inference. The mean is that of
+    the clean window, as in the paper, so that constant errors do not occur in training. High noise
+    levels are drawn more often, because an error there stays until the end of a chain.
     """
     deviation = WindowScale.of(batch.observation.joints).deviation
     scale = WindowScale(WindowScale.of(batch.clean_canon).mean, deviation)
@@ -101,9 +101,9 @@ def trajectory_loss(model: TrajectoryDenoiser, batch: Batch, draws: Draws) -> Fl
 
 
 def relation_loss(model: RelationDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
-    """Error of every contact point's hand and of their mean (eq. 8).
+    """Squared error of the hand predicted at each contact point, and of their mean (eq. 8).
 
-    Each point has its own noise, in units of the window as it is read in use.
+    Each point has its own noise, in units of the deviation of the noisy window, as at inference.
     """
     scale = WindowScale.of(batch.observation.joints[:, :, None])
     relations = encode_spatial(batch.clean_canon, batch.region)
@@ -118,9 +118,10 @@ def relation_loss(model: RelationDenoiser, batch: Batch, draws: Draws) -> Float[
 
 
 def spatial_loss(model: SpatialDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
-    """Relative entropy of the density of the hand's shift to a narrow one around the true shift.
+    """Kullback-Leibler divergence KL(target || model) of densities of the hand's shift.
 
-    Both are compared at trial places of known density, each weighed by the inverse of that.
+    The target is narrow around the true shift. Both densities are normalised over `TRIALS` shifts
+    drawn from a mixture, by importance weights.
     """
     evidence, shift = _spatial_question(batch)
     phase = float(torch.rand((), generator=draws.generator))
@@ -138,22 +139,22 @@ def spatial_loss(model: SpatialDenoiser, batch: Batch, draws: Draws) -> Float[Te
 
 
 def _spatial_question(batch: Batch) -> tuple[SpatialEvidence, Float[Tensor, "B 3"]]:
-    """What SpatialDiff sees, and the shift that is right: the mean over keypoints and frames."""
+    """Input of SpatialDiff, and the true shift: mean error over keypoints and frames, metres."""
     return batch.evidence, (batch.clean - batch.evidence.joints).mean((1, 2))
 
 
 def _log_normal(
     x: Float[Tensor, "*B 3"], mean: Float[Tensor, "*#B 3"], std: float
 ) -> Float[Tensor, "*B"]:
-    """Logarithm of a normal density, without its constant."""
+    """Log density of an isotropic normal distribution, without its constant."""
     return -0.5 * ((x - mean) / std).square().sum(-1) - 3 * math.log(std)
 
 
 def temporal_loss(model: TemporalDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
-    """Error of the aligned hand's steps, most of all near the surface, and of its places.
+    """Error of the aligned hand's steps, with more weight near the surface, and of its positions.
 
-    A shift of the whole window, which SpatialDiff mends, does not count. Errors are not squared:
-    where a finger may hold or slide, the more probable is right, not the mean of both.
+    A shift of the whole window does not count, since SpatialDiff corrects it. Errors are not
+    squared: where a finger either holds or slides, the likelier is right, not the mean of both.
     """
     del draws  # draws nothing; the signature is shared by all losses
     seen, clean, moved = _temporal_question(model, batch)
@@ -167,7 +168,7 @@ def temporal_loss(model: TemporalDenoiser, batch: Batch, draws: Draws) -> Float[
 def _temporal_question(
     model: TemporalDenoiser, batch: Batch
 ) -> tuple[TemporalEvidence, Float[Tensor, "B T 21 3"], Float[Tensor, "B T 21 3"]]:
-    """What TemporalDiff sees, and the clean and the aligned hand, in the object's frame."""
+    """Input of TemporalDiff, the clean hand, and the aligned hand, in the object's frame."""
     seen = batch.steps
     answer = model(seen)
     shift = align_to_steps(answer.change, answer.steps, answer.places)
@@ -175,7 +176,7 @@ def _temporal_question(
 
 
 def reconstruction_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
-    """Reconstruction error of T of clean and noisy hands, weighted towards contact."""
+    """Reconstruction error of the relations T of clean and noisy hands, weighted by closeness."""
     del draws  # draws nothing; the signature is shared by all losses
     points, total = batch.region.points_canon[:, :-1], batch.clean.new_zeros(())
     for joints in (batch.clean, batch.noisy):
@@ -193,7 +194,7 @@ def reconstruction_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Fl
 
 
 def latent_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
-    """Weighted squared error of the clean latent; the autoencoder is frozen."""
+    """Weighted squared error of the predicted clean latent; the autoencoder is frozen."""
     clean = temporal_latent(model, batch, batch.clean)
     sigma = draw_sigma(draws, LATENT_SIGMAS).to(clean)
     noise = draws.like(clean)
@@ -206,7 +207,7 @@ def latent_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tens
 def temporal_latent(
     model: LatentDenoiser, batch: Batch, joints: Float[Tensor, "B T 21 3"]
 ) -> Float[Tensor, "B T1 Z"]:
-    """The latent of a hand of the world around the contact points of a batch."""
+    """The latent of a hand (`joints` in the world frame) at the contact points of a batch."""
     points = batch.region.points_canon[:, :-1]
     return model.autoencoder.encode(encode_temporal(joints, batch.region, FPS), points)
 
@@ -214,7 +215,7 @@ def temporal_latent(
 def keypoint_loss(
     model: TochAutoencoder | RegressionDenoiser, batch: Batch, draws: Draws
 ) -> Float[Tensor, ""]:
-    """Mean distance of the predicted keypoints to the clean ones: plain regression."""
+    """Mean distance of the predicted keypoints to the clean ones, in units of `NOISE_SCALE`."""
     del draws  # draws nothing; the signature is shared by all losses
     observation = batch.observation
     predicted = model(observation, encode_spatial(observation.joints, batch.region))
@@ -225,9 +226,10 @@ def keypoint_loss(
 def recovered_fraction(
     model: nn.Module, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
-    """Error left after one call at the default starting level, over the error of the input.
+    """Validation score: mean error after one call of the network, over that of its input.
 
-    It is of keypoints, of shifts of the hand (spatial), of its steps (temporal) or of latents.
+    Diffusion networks start at a fixed noise level. Errors are of keypoints, of shifts of the hand
+    (spatial), of its steps between frames (temporal), or of latents.
     """
     noisy, clean = batch.observation.joints, batch.clean_canon
     one = noisy.new_ones(len(noisy))

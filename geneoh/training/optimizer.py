@@ -1,8 +1,8 @@
 """The optimiser of the weights: Muon for the matrices of transformer blocks, AdamW for the rest.
 
-Muon (Jordan et al. 2024) is momentum whose matrix updates are made orthogonal. It is as
-`torch.optim.Muon`, but in a precision that can be chosen: that of torch is bfloat16 on every
-machine, which takes longer than the rest of a step on processors without units for it.
+Muon (Jordan et al. 2024) is momentum whose matrix updates are made orthogonal. Unlike
+`torch.optim.Muon`, which always computes in bfloat16, its precision can be chosen: on processors
+without bfloat16 units, those products take longer than the rest of a step.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,10 +16,10 @@ from geneoh.nn.blocks import Block
 from geneoh.training.run_config import RunConfig
 
 QUINTIC = (3.4445, -4.7750, 2.0315)
-"""Coefficients of the odd polynomial whose iteration brings singular values to about one."""
+"""Coefficients of the odd polynomial whose iteration brings singular values close to 1."""
 ITERATIONS = 5
 MOMENTUM = 0.95
-UPDATE_RMS = 0.2  # of an update at rate 1, about that of AdamW, so that one rate serves both
+UPDATE_RMS = 0.2  # of an update at rate 1; about AdamW's, so that both share one learning rate
 
 
 class Muon(torch.optim.Optimizer):
@@ -28,7 +28,7 @@ class Muon(torch.optim.Optimizer):
     def __init__(
         self, matrices: Iterable[Tensor], *, lr: float, weight_decay: float, precision: torch.dtype
     ) -> None:
-        """Optimise some matrices; products are taken in `precision`."""
+        """Optimise `matrices`; matrix products are computed in `precision`."""
         super().__init__(matrices, {"lr": lr, "weight_decay": weight_decay})
         self.precision = precision
 
@@ -51,7 +51,7 @@ class Muon(torch.optim.Optimizer):
 
 
 def orthogonal(matrix: Float[Tensor, "M N"]) -> Float[Tensor, "M N"]:
-    """The matrix with its singular values brought to between 0.7 and 1.2, by Newton-Schulz."""
+    """The matrix with singular values moved to between 0.7 and 1.2 by Newton-Schulz iterations."""
     tall = matrix.shape[0] > matrix.shape[1]
     x = matrix.mT if tall else matrix
     x = x / x.norm().clamp(min=1e-7)
@@ -63,15 +63,15 @@ def orthogonal(matrix: Float[Tensor, "M N"]) -> Float[Tensor, "M N"]:
 
 
 class Optimizer:
-    """Muon for the matrices of transformer blocks, AdamW for all other parameters, at one rate.
+    """Muon for the matrices of transformer blocks, AdamW for all other parameters.
 
-    Muon's matrix products are of type `precision`.
+    Both use the same learning rate. Muon's matrix products are computed in `precision`.
     """
 
     def __init__(
         self, model: nn.Module, config: RunConfig, precision: torch.dtype = torch.float32
     ) -> None:
-        """Assign each parameter to an optimiser; the rate is given with each step."""
+        """Assign each parameter to an optimiser; the learning rate is passed to each step."""
         blocks = [module for module in model.modules() if isinstance(module, Block)]
         matrices = [p for block in blocks for p in block.matrices()]
         known = {id(p) for p in matrices}
@@ -91,14 +91,14 @@ class Optimizer:
             part.zero_grad(set_to_none=True)
 
     def step(self, rate: float) -> None:
-        """Move all parameters along their gradients."""
+        """Update all parameters."""
         for part in self.parts.values():
             for group in part.param_groups:
                 group["lr"] = rate
             part.step()
 
     def tensors(self) -> dict[str, Tensor]:
-        """The moments of all parameters, by name."""
+        """The optimiser state of all parameters by name, for a checkpoint."""
         return {
             f"{name}.{index}.{key}": value
             for name, part in self.parts.items()
@@ -107,7 +107,7 @@ class Optimizer:
         }
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take over what `tensors` of the same model's optimizer returned."""
+        """Load the state that `tensors` returned for the same model."""
         for name, part in self.parts.items():
             moments: dict[int, dict[str, Tensor]] = {}
             for full_name, tensor in tensors.items():

@@ -1,7 +1,7 @@
 """Several processes that train one network together, as torchrun starts them.
 
-Each works on its part of every batch, and their gradients are added up. There is no wrapper around
-the network (`DistributedDataParallel`), because losses also call parts of networks.
+Each works on its part of every batch, and the gradients are summed. The network is not wrapped in
+`DistributedDataParallel`, because losses also call single modules of networks.
 """
 
 import os
@@ -18,19 +18,19 @@ from geneoh.errors import ConfigError, EndedElsewhereError, GeneOHError
 from geneoh.interrupts import on_interrupt
 
 VARIABLES = ("RANK", "WORLD_SIZE", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT")
-"""What torchrun tells each process in its environment."""
+"""Environment variables that torchrun sets in each process."""
 PATIENCE = timedelta(days=7)
-"""How long processes wait for each other: one makes the data of all. The end of one is noticed."""
+"""Timeout of collective calls: one process makes the data of all. An end is noticed without it."""
 LOST = (
     "another process of the run ended without an error message, as when memory runs out; start the "
     "run again, and it goes on where its state was saved last"
 )
-INTERRUPTED = 130  # exit code after Ctrl-C, as of the process that says so
+INTERRUPTED = 130  # exit code after Ctrl-C, the same as of the process that reports it
 
 
 @dataclass(frozen=True)
 class Team:
-    """The processes of a run, seen from one of them."""
+    """The processes of a run, as seen by the one with this rank."""
 
     rank: int = 0
     size: int = 1
@@ -48,7 +48,7 @@ class Team:
 
     @contextmanager
     def first_alone(self) -> Iterator[None]:
-        """Run a block in process 0 and then in all others, which find what it has written."""
+        """Run a block in process 0, then in all others, which can read the files it has written."""
         if self.rank:
             self._meet()
         yield
@@ -63,13 +63,13 @@ class Team:
 
 @contextmanager
 def joined(device: torch.device) -> Iterator[tuple[Team, torch.device]]:
-    """The processes that were started together, and this one's device, while the block runs.
+    """Join the processes that torchrun started while the block runs; yields team and device.
 
-    Of several GPUs each process takes the one of its number on the machine. Of errors that several
-    processes meet one is raised, and in the others `EndedElsewhereError`.
+    Each process uses the GPU with its local rank. If several processes fail, only the first raises
+    its own error, and the others raise `EndedElsewhereError`.
 
     Raises:
-        ConfigError: the environment tells of several processes, but not how they find each other.
+        ConfigError: WORLD_SIZE is above 1, but other variables of torchrun are missing.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         yield Team(), device
@@ -104,16 +104,16 @@ def joined(device: torch.device) -> Iterator[tuple[Team, torch.device]]:
 
 
 def _is_first(store: Any) -> bool:
-    """Whether no other process has ended before the run did."""
+    """Whether this is the first process of the run that ends with an error."""
     try:
         return store.add("ended", 1) == 1
-    except RuntimeError:  # the store has gone with the process that held it
+    except RuntimeError:  # the store ended with the process that served it
         return False
 
 
 @contextmanager
 def _losses_of_others() -> Iterator[None]:
-    """Raise `EndedElsewhereError` for what torch raises when another process has ended."""
+    """Turn torch's error about another process that has ended into `EndedElsewhereError`."""
     try:
         yield
     except RuntimeError as error:
@@ -122,9 +122,10 @@ def _losses_of_others() -> Iterator[None]:
 
 @contextmanager
 def noted_interrupts(team: Team) -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed while the block runs, which it does not stop.
+    """Record Ctrl-C while the block runs instead of stopping; yields whether it was pressed.
 
-    Pressed twice it stops one process. Each of several may get it twice, as torchrun sends it too.
+    A second Ctrl-C stops a single process. With several, it is ignored, because torchrun forwards
+    the first one, so that each process may get it twice.
     """
     pressed = False
 

@@ -1,7 +1,7 @@
-"""Clips to learn from, cut out of recordings where hand and object are near, as shards on disk.
+"""Training clips cut out of recordings where the hand is near the object, as shards on disk.
 
-Every file or folder that a reader takes as one clip becomes one shard, which says what it was made
-from. An interrupted run goes on behind the last whole shard; one that is made is read at once.
+Every file or folder that a reader takes as one clip becomes one shard, with a record of the files
+it was made from. An interrupted run resumes after the last complete shard.
 """
 
 import hashlib
@@ -41,7 +41,7 @@ from geneoh.synthesis.shapes.solids import PARTS
 
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
 PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
-"""Endings of files that no hand is read from."""
+"""Endings of files from which no reader reads hands."""
 
 
 @dataclass(frozen=True)
@@ -50,32 +50,32 @@ class ClipConfig(Limited):
 
     LIMITS: ClassVar[Limits] = dict.fromkeys(("shortest", "longest"), (2, Limited.LARGEST))
 
-    shortest: int = 60  # frames, at 30 a second, of the shortest stretch kept: those of a window
-    longest: int = 120  # frames of the longest clip; longer stretches are cut into equal ones
+    shortest: int = 60  # shortest clip, frames at 30 a second: the length of a window
+    longest: int = 120  # longest clip, frames; longer stretches are cut into equal clips
     points: int = 512  # surface points kept of each object
     reach: float = 0.15  # largest distance from the wrist to the object, metres
 
 
 @dataclass(frozen=True)
 class ClipRecord:
-    """Where a clip is from, to split clips and to tell them apart."""
+    """Name and origin of a clip, by which clips are split into training and validation."""
 
     name: str
     object: str  # fingerprint of the mesh
-    person: str  # fingerprint of the betas; empty where the source has none
-    length: int  # frames; those that follow up to the longest clip repeat the last one
+    person: str  # fingerprint of the betas; empty if the source has none
+    length: int  # frames without the padding, which repeats the last one
 
 
 @dataclass(frozen=True)
 class RecordedShard:
-    """What a shard of recordings holds and was made from."""
+    """The record of a shard: its clips, and the config and files it was made from."""
 
     config: ClipConfig
     files: dict[str, tuple[int, str]]
-    """Size and SHA-256 of each file of the clip, by its name below the clip's folder, of the MANO
-    files that it was read with, and of its meshes, by their whole paths."""
+    """Size and SHA-256 of each file of the clip (by its path below the clip's folder), of the MANO
+    files (by name), and of the meshes (by absolute path)."""
     clips: tuple[ClipRecord, ...]
-    left_out: dict[str, int]  # frames that no clip holds, by the reason
+    left_out: dict[str, int]  # numbers of unused frames, by reason
 
 
 def _clips_of(source: str, path: Path) -> list[SourceClip]:
@@ -89,7 +89,7 @@ def _clips_of(source: str, path: Path) -> list[SourceClip]:
 
 
 def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
-    """What a clip holds, checked to be interactions."""
+    """The recordings in a clip, checked to be interactions with an object mesh."""
     if source != SEQUENCES:
         found = read_clip(source_named(source), clip, options)
         for recording in found:
@@ -119,12 +119,12 @@ def make_shards(
     *,
     on_step: OnStep | None = None,
 ) -> tuple[list[Path], list[str]]:
-    """Make the shards of a source that are not yet in `folder`, or whose files changed.
+    """Make the shards of a source that are missing in `folder`, or whose files changed.
 
-    Returns the shards, and why a clip could not be read, in words.
+    Returns the paths of the shards, and a message for each clip that could not be read.
 
     Raises:
-        InputError: no clip of the source can be read; the message says why, of the first.
+        InputError: no clip of the source can be read; the message is that of the first clip.
     """
     return written_shards(
         _clips_of(source, path),
@@ -142,12 +142,12 @@ def written_shards(
     write: Callable[[Path, SourceClip], None],
     on_step: OnStep | None,
 ) -> tuple[list[Path], list[str]]:
-    """The shards of clips in a folder, written where they are not there as asked, and why some
-    clips cannot be read, in words; `InputError` of the first where none can."""
+    """Write the shard of each clip unless `is_whole` accepts the existing file; see `make_shards`
+    for the results and errors."""
     shards: list[Path] = []
     problems: list[str] = []
     for clip in steps(clips, on_step):
-        # names of clips have no dot, so that none share a file
+        # clip names contain no dot, so that no two clips share a file
         shard = folder / f"{clip.name.replace('/', '.')}.safetensors"
         try:
             if not is_whole(shard, clip):
@@ -164,7 +164,7 @@ def written_shards(
 def write_shard(
     shard: Path, source: str, clip: SourceClip, config: ClipConfig, options: ReaderOptions
 ) -> None:
-    """Cut one clip of a source and write what was cut, whole or not at all."""
+    """Cut the recordings of one clip of a source and write the shard atomically."""
     cuts: list[tuple[ClipRecord, dict[str, Tensor]]] = []
     left_out: Counter[str] = Counter()
     recordings = read_recordings(source, clip, options)
@@ -189,7 +189,7 @@ def write_shard(
 def cut_hand(
     recording: Recording, hand: NormalisedHand, config: ClipConfig, left_out: Counter[str]
 ) -> Iterator[tuple[ClipRecord, dict[str, Tensor]]]:
-    """The clips of one right, or mirrored, hand at 30 frames a second; the rest is counted."""
+    """The clips of one right or mirrored hand at 30 frames a second; `left_out` counts the rest."""
     seed = seed_of("surface", recording.name, hand.side)
     generator = torch.Generator().manual_seed(seed)
     surface = drawn_surface(hand.object.meshes, config.points, generator=generator)
@@ -204,7 +204,7 @@ def cut_hand(
         left_out["without the object"] += int((near & seen & ~known.all(1)).sum())
         seen = seen & known.all(1)
     state = subject.parameters()
-    if len(hand.object.meshes) < PARTS:  # made objects have two, which are one where they are rigid
+    if len(hand.object.meshes) < PARTS:  # as synthetic objects, where rigid ones have equal parts
         motion = {name: values.repeat_interleave(PARTS, dim=1) for name, values in motion.items()}
     motion |= {"pose": state.pose[0], "wrist": state.wrist[0]}
     fixed = {"points": surface[0], "normals": surface[1], "part": surface[2]}
@@ -221,7 +221,7 @@ def cut_hand(
 def spans(
     kept: Bool[Tensor, " T"], config: ClipConfig, left_out: Counter[str]
 ) -> Iterator[tuple[int, int]]:
-    """First frame and length of the clips: stretches that are long enough, in equal pieces."""
+    """First frame and length of the clips: long enough runs of kept frames, in equal pieces."""
     for run in runs(kept.numpy()):
         frames = run.stop - run.start
         if frames < config.shortest:
@@ -238,7 +238,7 @@ def spans(
 def drawn_surface(
     meshes: tuple[Mesh, ...], count: int, *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"], Int[Tensor, " P"]]:
-    """Points, normals and part of `count` points on all surfaces, shared by their areas."""
+    """Positions, normals and part indices of `count` points, in proportion to the parts' areas."""
     areas = torch.stack([mesh.face_vectors().norm(dim=-1).sum() for mesh in meshes])
     edges = (count * areas.cumsum(0) / areas.sum()).round().long().tolist()
     counts = [stop - start for start, stop in pairwise([0, *edges])]
@@ -255,7 +255,7 @@ def drawn_surface(
 
 
 def identity(betas: Float[Tensor, " S"] | None) -> str:
-    """A fingerprint of a person's betas; empty without."""
+    """A fingerprint of a person's betas; empty without betas."""
     if betas is None:
         return ""
     text = ",".join(f"{value:.3f}" for value in betas.tolist())
@@ -263,8 +263,8 @@ def identity(betas: Float[Tensor, " S"] | None) -> str:
 
 
 def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]:
-    """The files of a clip that may hold its hands, by their names below its folder, and those of
-    the user's MANO, which poses them."""
+    """The files on which the hands of a clip may depend: those of the clip except pictures, named
+    by their path below its folder, and the user's MANO files."""
     models = [] if options.mano_dir is None else mano_files(options.mano_dir)
     named = [(file.name, file) for file in models]
     if clip.path.is_file():
@@ -275,9 +275,9 @@ def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]
 
 
 def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> bool:
-    """Whether a shard is there, whole, cut as asked, and made from the clip's files as they are.
+    """Whether a complete shard exists that was made with this config from the files as they are.
 
-    Contents are compared of files that are newer than the shard; others only in size.
+    Files that are newer than the shard are compared by content, others only by size.
     """
     if (record := recorded_shard(shard)) is None or record.config != config:
         return False
@@ -285,7 +285,7 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderO
 
 
 def recorded_shard(shard: Path) -> RecordedShard | None:
-    """The record of a shard; None where it is not there, broken, or of another version."""
+    """The record of a shard; None if the file is missing, damaged, or of another version."""
     try:
         with opened_tensors(shard) as (_, found):
             clips = tuple(ClipRecord(**clip) for clip in found["clips"])

@@ -1,4 +1,4 @@
-"""The state of a training run, its record and log, and whether a saved state belongs to a run."""
+"""The state of a training run, its record and log, and the check before a run is resumed."""
 
 import hashlib
 import os
@@ -20,7 +20,7 @@ from geneoh.nn.precision import quick_precision
 from geneoh.training.optimizer import Optimizer
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
-"""Settings that may change when a run is continued: of its steps they change only the last ones."""
+"""Settings that may change when a run is resumed: they affect at most its last steps."""
 OF_DATA = ("synthesis", "clips", "recorded")  # settings of how data is made
 COMPARED = {
     "stage": "stage",
@@ -35,17 +35,17 @@ COMPARED = {
     "interaction": "interaction network (fingerprint)",
     "start": "first weights (fingerprint)",
 }
-"""What else a run that is continued has in common with the saved one, and its name in words."""
+"""Other fields of the record that must be equal when a run is resumed, with names for errors."""
 
 
 class LogRow(NamedTuple):
-    """A row of the log of a run: the state at a validation."""
+    """A row of the log of a run, written at each validation."""
 
     step: int
-    loss: float  # mean training loss since the row before
-    error_left: float  # what the task measures on its validation data
-    rate: float
-    seconds: float  # time spent on training in all
+    loss: float  # mean training loss since the previous row
+    error_left: float  # validation error (`Task.validate`)
+    rate: float  # learning rate
+    seconds: float  # total time spent on training
 
 
 @dataclass
@@ -55,8 +55,8 @@ class TrainState:
     model: nn.Module
     average: dict[str, Tensor]  # moving average of the weights
     optimizer: Optimizer
-    first: Mapping[str, Tensor] | None = None  # the weights started from; None for random ones
-    first_share: float = 0.0  # their share in `result`
+    first: Mapping[str, Tensor] | None = None  # initial weights; None for random ones
+    first_share: float = 0.0  # weight of the initial weights in `result`
     step: int = 0
     seconds: float = 0.0
     recent: list[float] = field(default_factory=list)  # losses since the last row of the log
@@ -64,7 +64,7 @@ class TrainState:
 
     @property
     def result(self) -> dict[str, Tensor]:
-        """The weights that are used: the averaged ones, mixed with those started from."""
+        """The weights for inference: the averaged ones, mixed with the initial ones."""
         if self.first is None or not self.first_share:
             return self.average
         return {
@@ -83,7 +83,7 @@ class TrainState:
         return Checkpoint(tensors, record | counted | {"log": self.log})
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Take over a saved state; `CheckpointError` if it is of a network of another size."""
+        """Load a saved state; `CheckpointError` if its network has another size."""
 
         def group(prefix: str) -> dict[str, Tensor]:
             found = checkpoint.tensors.items()
@@ -137,7 +137,7 @@ def run_record(
     start: Mapping[str, Tensor] | None,
     processes: int,
 ) -> dict[str, Any]:
-    """What a checkpoint tells about how it was made: what the task tells, and where it ran."""
+    """The record in a checkpoint: that of the task, with machine, precision and torch version."""
     return {
         **task,
         "start": None if start is None else digest(start.values()),
@@ -153,17 +153,17 @@ def run_record(
 def refuse_other_run(
     path: Path, saved: Mapping[str, Any], asked: Mapping[str, Any], unread: Collection[str] = ()
 ) -> None:
-    """Refuse to continue a state that another stage, config or data made, as far as it tells.
+    """`CheckpointError` if a saved state was made with another stage, config or data.
 
-    Fields of the config that the stage does not read (`unread`) and those of how data is made, of
-    which its fingerprint tells, may differ. `CheckpointError` says what differs.
+    Only fields that the saved record holds are compared. Fields of the config that the stage does
+    not read (`unread`) may differ, and those that describe the data, which has a fingerprint.
     """
     differs = [
         f"{words} {_shown(saved[name])} where {_shown(asked.get(name))} is asked for"
         for name, words in COMPARED.items()
         if name in saved and saved[name] != asked.get(name)
     ]
-    # pieces of a batch change the steps of the cleaner by rounding, those of others by more
+    # `accumulate` changes the cleaner's training only by rounding, that of generators by more
     may_change = (*MAY_CHANGE, *(("accumulate",) if saved.get("stage") in STAGES else ()))
     unread = {*unread, *OF_DATA}
     old, new = (
@@ -183,7 +183,7 @@ def refuse_other_run(
 
 
 def _shown(value: Any) -> Any:
-    """A value in a message: a long text, such as a vocabulary, by its fingerprint."""
+    """A value for a message; a long text, such as a vocabulary, is replaced by its fingerprint."""
     return digest([value]) if isinstance(value, str) and len(value) > 60 else value
 
 

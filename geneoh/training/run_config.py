@@ -1,4 +1,4 @@
-"""Settings that every training run has, of whichever network."""
+"""Settings that the training runs of all networks have."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ Run = TypeVar("Run", bound="RunConfig")
 
 @dataclass(frozen=True)
 class RunConfig(Limited):
-    """Steps, rate and averaging of a run; every value is saved with the weights."""
+    """Steps, learning rate and averaging of a run; every value is saved with the weights."""
 
     LIMITS: ClassVar[Limits] = {
         **dict.fromkeys(("batch", "validation_batches"), (1, 1_000_000)),
@@ -22,23 +22,23 @@ class RunConfig(Limited):
         **{"clip": (1e-6, math.inf), "seed": (-math.inf, math.inf)},
     }
     READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    """The stages that read a field, by its name; all stages read the others."""
+    """The stages that read a field, by its name; fields that are not listed are read by all."""
 
-    steps: int = 8000  # optimiser steps in all, a batch each
-    batch: int = 32  # samples in a batch, of all processes together
+    steps: int = 8000  # optimiser steps, one batch each
+    batch: int = 32  # samples in a batch, over all processes
     accumulate: int = 1
-    """Pieces that a process works off its part of a batch in, which takes less memory; the steps
-    of the cleaner's stages stay the same, those of the generators nearly."""
+    """Pieces over which a process accumulates the gradients of its part of a batch, to save memory.
+    The cleaner's stages train as without it up to rounding, the generators nearly so."""
     rate: float = 6e-4  # peak learning rate
     warmup: int = 200  # steps over which the learning rate rises linearly at the start
     decay: float = 0.3  # share of the steps, at the end, over which the rate falls linearly to zero
     weight_decay: float = 0.01  # decoupled weight decay, relative to the rate
     clip: float = 1.0  # largest norm of the gradient
-    ema: float = 0.998  # decay of the averaged weights, which are the ones that are used
+    ema: float = 0.998  # decay of the averaged weights, which are used at inference
     start_share: float = 0.0
-    """Share of the weights started from in those that are written (Wortsman et al., CVPR 2022): the
-    network keeps more of what it could do before. Zero without such a start."""
-    seed: int = 0  # of the first weights and of every batch
+    """Weight of the initial weights in the mean with the trained ones that is written (Wortsman et
+    al., CVPR 2022), so that the network forgets less. Zero for random initial weights."""
+    seed: int = 0  # of the initial weights and of every batch
     checkpoint_every: int = 250  # steps between two saved states of the run
     validate_every: int = 250  # steps between two validations
     validation_batches: int = 8  # batches of each validation, the same ones every time
@@ -49,11 +49,11 @@ class RunConfig(Limited):
 
 
 def stage_config(base: Run, stage: str, path: Path | None, settings: Iterable[str]) -> Run:
-    """The configuration of a stage: of a file, which may serve several, and of `a.b=c` settings.
+    """The configuration of a stage from a file, which may serve several, and `a.b=c` settings.
 
     Raises:
-        ConfigError: the file cannot be read, or a setting is unknown, of the wrong type or, on the
-            command line, of other stages alone.
+        ConfigError: the file cannot be read, or a setting is unknown or of the wrong type, or one
+            of `settings` is read by other stages only.
     """
     chosen = configured(base, path, settings)
     for name in base.unread_by(stage):
@@ -62,7 +62,7 @@ def stage_config(base: Run, stage: str, path: Path | None, settings: Iterable[st
 
 
 def refuse_settings(name: str, settings: Iterable[str], of: str) -> None:
-    """Refuse `a.b=c` settings of a field that a run does not read; `of` says what it is for."""
+    """Refuse `a.b=c` settings of a field that a run does not read; `of` names its readers."""
     for setting in settings:
         if name in parse_setting(setting):
             raise ConfigError(
@@ -72,9 +72,9 @@ def refuse_settings(name: str, settings: Iterable[str], of: str) -> None:
 
 
 def refuse_replaced(config: RunConfig, path: Path | None, settings: Iterable[str]) -> None:
-    """Refuse `a.b=c` settings that differ from what the weights or networks of a start ask for.
+    """Refuse `a.b=c` settings that contradict the weights or networks a run starts from.
 
-    Weights fix the size of a network, and a text encoder the width of its texts.
+    Weights fix the size of their network, and a text encoder the width of its features.
     """
     settings = list(settings)
     used = flat(as_dict(config))

@@ -45,14 +45,14 @@ STAGES: dict[StageName, tuple[Callable[[Any], nn.Module], Loss]] = {
 
 
 def build_model(stage: StageName, config: TrainConfig) -> nn.Module:
-    """A fresh network of the stage, initialised from the config's seed."""
+    """A new network of the stage, initialised from the config's seed."""
     network, _ = STAGES[stage]
     with first_weights(config.seed, stage, "weights"):
         return network(getattr(config, stage))
 
 
 def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
-    """The loss to take at a step; the latent stage learns its autoencoder first."""
+    """The loss at a step; the latent stage first trains its autoencoder."""
     if stage == "latent" and step < config.autoencoder_steps:
         return losses.reconstruction_loss
     return STAGES[stage][1]
@@ -60,17 +60,17 @@ def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
 
 @dataclass(frozen=True)
 class StageTask(Task):
-    """One stage, learned from interactions."""
+    """Training of one stage on interactions."""
 
     name: StageName
     config: TrainConfig
     data: Streamed[Interactions]
     validation: Streamed[Interactions]
-    motion_denoiser: MotionDenoiser | None = None  # MotionDiff for a stage that follows it
+    motion_denoiser: MotionDenoiser | None = None  # MotionDiff, for stages that follow it
     made: Mapping[str, Any] | None = None  # how the data was made, for the record
 
     def network(self) -> nn.Module:
-        """A fresh network of the stage."""
+        """A new network of the stage, initialised from the config's seed."""
         return build_model(self.name, self.config)
 
     def batch(
@@ -80,7 +80,7 @@ class StageTask(Task):
         device: torch.device,
         part: Part | None = None,
     ) -> tuple[Batch, torch.Generator]:
-        """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
+        """A batch, or a part of it, with its generator; `parts` are its purpose and number."""
         config = self.config
         generator = seeded_generator(config.seed, *parts)
         batch = draw_batch(
@@ -95,20 +95,20 @@ class StageTask(Task):
         return batch, generator
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[SamplesPiece]:
-        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
+        """This process's part of a step's batch, in pieces whose gradients are accumulated."""
         own = own_part(self.config, team)
         batch, generator = self.batch(self.data, "step", step, device=device, part=own)
         pieces, loss = [], loss_of(self.name, step, self.config)
         for piece, draws in divided_batch(batch, generator, own, self.config.accumulate):
             if self.name == "motion":
-                _ = piece.motion.network_input  # made and kept here, in parallel to the step before
+                _ = piece.motion.network_input  # cached now, in parallel to the previous step
             pieces.append(SamplesPiece(piece, draws, loss))
         return pieces
 
     def before_step(self, state: TrainState) -> None:
-        """Turn the latent stage from its autoencoder to the denoiser of the latent.
+        """Switch the latent stage from training its autoencoder to training its denoiser.
 
-        The denoiser starts with the averaged weights of the autoencoder.
+        The autoencoder is then frozen with its averaged weights.
         """
         if self.name == "latent" and state.step == self.config.autoencoder_steps:
             state.model.load_state_dict(state.average)
@@ -117,13 +117,13 @@ class StageTask(Task):
             state.average = {n: t.clone() for n, t in state.model.state_dict().items()}
 
     def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:
-        """`recovered_fraction` of a validation batch: error left over the input's error."""
+        """`recovered_fraction` of a validation batch: the remaining error over the input's."""
         device = next(model.parameters()).device
         batch, generator = self.batch(self.validation, "validation", index, device=device)
         return losses.recovered_fraction(model, batch, generator=generator)
 
     def record(self) -> dict[str, Any]:
-        """Stage, config, fingerprints of what it learns from, and how that was made."""
+        """Stage, config, fingerprints of the data and of MotionDiff, and how the data was made."""
         motion = self.motion_denoiser
         return {
             "stage": self.name,
@@ -138,7 +138,7 @@ class StageTask(Task):
 
 @torch.no_grad()
 def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
-    """Whiten the latent of a trained autoencoder (paper C.5 avoids a normalisation of T itself)."""
+    """Normalise the latent of a trained autoencoder (paper C.5: T itself is not normalised)."""
     assert isinstance(model, LatentDenoiser), "only the latent stage has one"
     encoder = model.autoencoder
     encoder.latent_mean.zero_()
@@ -149,7 +149,7 @@ def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
 
 
 def data_digest(data: Streamed[Interactions]) -> str:
-    """A fingerprint of interactions by their people and the last place of each wrist."""
+    """A fingerprint of interactions by the hand skeletons and the last position of each wrist."""
     shares = [data.weight] if isinstance(data, WeightedInteractions) else []
     people = data.each(lambda clips: clips.offsets)
     return digest([people, data.each(lambda clips: clips.wrist[:, -1]), *shares])

@@ -1,4 +1,4 @@
-"""Weights that a run starts from: a network that has learned goes on with other data."""
+"""Weights that a run starts from, to fine-tune a trained network on other data."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,14 +19,14 @@ from geneoh.training.tasks import Task
 def started_from(
     folder: Path | None, stage: StageName, config: TrainConfig
 ) -> tuple[TrainConfig, dict[str, Tensor]]:
-    """Weights of a stage to start from, and the config with the network that they are of.
+    """Initial weights of a stage, and the config with the network size of these weights.
 
-    They are in STAGE.safetensors of the folder; None is for the shipped ones. The latent stage
-    keeps its autoencoder: only the denoiser of its latent goes on learning.
+    They are read from STAGE.safetensors in the folder; None means the shipped ones. The latent
+    stage keeps its autoencoder and trains only its denoiser.
 
     Raises:
         CheckpointError: there are no weights of this version of the network.
-        ConfigError: the config asks for another network than that of the weights.
+        ConfigError: the config asks for another network size than that of the weights.
     """
     if stage == "toch" or stage == "regression":
         path = baseline_weights(stage, folder)
@@ -54,10 +54,10 @@ def started_from(
 
 
 def weights_for(task: Task, path: Path | None) -> dict[str, Tensor] | None:
-    """Weights of a file that the network of a task starts from; None where no file is named.
+    """Initial weights of a task's network from a file; None without a file.
 
     Raises:
-        CheckpointError: the file is missing, or holds another network than the task's.
+        CheckpointError: the file is missing, or holds weights of another network.
     """
     if path is None:
         return None

@@ -1,6 +1,6 @@
-"""What the training loop learns: the base class of its tasks, and what several of them share.
+"""The base classes of training tasks, and functions that several tasks share.
 
-A task has a network, and draws the batch of a step by seed, in pieces on which the loss is taken.
+A task has a network, and draws the batch of a step by seed, in pieces for gradient accumulation.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -23,52 +23,52 @@ from geneoh.training.run_config import RunConfig
 
 AnyBatch = TypeVar("AnyBatch", bound=Bundle)
 DrawnSamples = Iterable[tuple[Any, Draws]]
-"""Samples of pieces of a batch, each with the random numbers of its loss."""
+"""The pieces of a batch: samples, each with the random number source of their loss."""
 
 
 @runtime_checkable
 class MicroBatch(Protocol):
-    """Samples of a batch on which the loss is taken at once."""
+    """Samples of a batch with one forward and backward pass."""
 
     def loss(self, model: Any) -> Tensor:
-        """What the samples add to the loss of the batch."""
+        """The contribution of the samples to the loss of the batch."""
         ...
 
 
 class Task:
-    """What a run learns: a network, where its batches come from, and how it is validated.
+    """A training task: a network, the source of its batches, and its validation.
 
     Subclasses are frozen dataclasses with these fields.
     """
 
-    name: Any  # of the run's files
+    name: Any  # beginning of the names of the run's files
     config: Any  # a RunConfig: settings of the run
 
     def network(self) -> nn.Module:
-        """A fresh network on the CPU, initialised from the config's seed."""
+        """A new network on the CPU, initialised from the config's seed."""
         raise NotImplementedError
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[MicroBatch]:
-        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
+        """This process's part of a step's batch, in pieces whose gradients are accumulated."""
         raise NotImplementedError
 
     def before_step(self, state: TrainState) -> None:
-        """Change the state before a step, where a run has several phases."""
+        """Change the state before a step, for runs with several phases."""
 
     def validate(self, model: Any, index: int) -> Float[Tensor, ""]:
         """The error of a network on a fixed validation batch."""
         raise NotImplementedError
 
     def record(self) -> dict[str, Any]:
-        """What a checkpoint tells of stage, config and data; see `resume.COMPARED`."""
+        """Stage, config and fingerprints of the data for a checkpoint; see `resume.COMPARED`."""
         raise NotImplementedError
 
 
 @contextmanager
 def first_weights(*parts: object) -> Iterator[None]:
-    """Networks that are made in the block get random weights by `seed_of` these values.
+    """Seed the initial weights of networks that are made in the block by `seed_of` these values.
 
-    Outside of the block torch's global random numbers go on as without it.
+    The state of torch's global generator is restored after the block.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed_of(*parts))
@@ -76,14 +76,15 @@ def first_weights(*parts: object) -> Iterator[None]:
 
 
 def own_part(config: RunConfig, team: Team) -> Part:
-    """Which items of every batch this process works on."""
+    """The items of every batch that this process works on."""
     return Part(0, config.batch, config.batch).divided(team.size)[team.rank]
 
 
 def divided_batch(
     batch: AnyBatch, generator: torch.Generator, own: Part, pieces: int
 ) -> Iterator[tuple[AnyBatch, Draws]]:
-    """The items of a process in pieces, each with a copy of the generator after the draw."""
+    """Divide a process's items into pieces, each with a copy of the generator, so that the random
+    numbers of the loss do not depend on the division."""
     for part in own.divided(pieces):
         rows = slice(part.first - own.first, part.first - own.first + part.count)
         again = torch.Generator().set_state(generator.get_state())
@@ -92,22 +93,22 @@ def divided_batch(
 
 @dataclass(frozen=True)
 class SamplesPiece:
-    """Samples of a batch, the random numbers of their loss, and that loss."""
+    """Samples of a batch, the source of random numbers for their loss, and the loss function."""
 
     samples: Any
     draws: Draws
     of: Callable[[Any, Any, Draws], Tensor]
 
     def loss(self, model: nn.Module) -> Tensor:
-        """What the samples add to the loss of the batch."""
+        """The contribution of the samples to the mean loss of the batch."""
         share = self.draws.batch / self.draws.total
         return share * self.of(model, self.samples, self.draws)
 
 
 class SamplesTask(Task):
-    """A network of a generator, which learns from samples that are drawn for every batch.
+    """Training of a generator's network on random samples.
 
-    Subclasses say what is drawn and what is lost.
+    Subclasses define the samples and the loss.
     """
 
     data: TrainingData[Any]
@@ -117,15 +118,15 @@ class SamplesTask(Task):
         raise NotImplementedError
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """The items of a batch that are `own`, in pieces, by seed and `parts` (purpose, number)."""
+        """The items `own` of a batch, in pieces, seeded by config and `parts` (purpose, number)."""
         raise NotImplementedError
 
     def learned_from(self) -> dict[str, Any]:
-        """Fingerprints of the data and of networks before, for the record of the weights."""
+        """Fingerprints of the data and of networks that this one builds on, for the record."""
         raise NotImplementedError
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[SamplesPiece]:
-        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
+        """This process's part of a step's batch, in pieces whose gradients are accumulated."""
         own = own_part(self.config, team)
         drawn = self.drawn(True, own, self.config.accumulate, "step", step)
         return [SamplesPiece(samples.to(device), draws, self.loss) for samples, draws in drawn]
@@ -138,6 +139,6 @@ class SamplesTask(Task):
         return self.loss(model, samples.to(next(model.parameters()).device), draws)
 
     def record(self) -> dict[str, Any]:
-        """Network, config, fingerprints of what it learns from, and how that was made."""
+        """Name, config, fingerprints (`learned_from`), and how the data was made."""
         named = {"stage": self.name, "config": as_dict(self.config)}
         return {**named, **self.learned_from(), "made": self.data.record}

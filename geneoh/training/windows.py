@@ -1,4 +1,4 @@
-"""Random windows of clips to learn from: clean hands, and the object that they hold."""
+"""Random windows of training clips: clean hands, and the object that they hold."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -25,9 +25,9 @@ class WindowConfig(Limited):
 
     LIMITS: ClassVar[Limits] = {"frames": (2, Limited.LARGEST)}
 
-    frames: int = 60  # of a window (paper: 60 at 30 a second); of a whole clip where that is less
+    frames: int = 60  # length of a window (paper: 60 at 30 a second); shorter clips are used whole
     short_share: float = 0.2
-    """Share of the batches with a random shorter length, so that short clips are nothing new."""
+    """Share of the batches with a random shorter length, so that networks learn short clips."""
     fast_share: float = 0.25  # share of the batches that play at twice the speed
 
 
@@ -44,24 +44,24 @@ class TrainingWindows(ObjectSurface):
     def observed(
         self, noisy: HandParameters, keep: Bool[Tensor, "B T"], region: ContactRegion
     ) -> ObservedMotion:
-        """What MotionDiff is shown of a noisy hand, in the canonical frame of a region."""
+        """The input of MotionDiff for a noisy hand, in the canonical frame of a region."""
         near = nearest_on_parts(noisy.joints, self)
         return ObservedMotion.of(noisy, keep.float(), near.points, near.normals, region)
 
     def shaken(
         self, turn: Float[Tensor, "B T 3"], shift: Float[Tensor, "B T 3"]
     ) -> "TrainingWindows":
-        """The same hand with an object whose parts are turned in their own frames and shifted."""
+        """The windows with noise on the object: `turn` in its own frame, `shift` in the world."""
         rotation = self.rotation @ axis_angle_to_matrix(turn)[:, :, None]
         return replace(self, rotation=rotation, translation=self.translation + shift[:, :, None])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WeightedInteractions(Streamed[Interactions]):
-    """Interactions of which some are drawn more often, and some are shorter than their tensors."""
+    """Interactions with sampling weights, of different lengths, padded to the longest."""
 
-    length: Int[Tensor, " B"]  # frames that may be drawn
-    weight: Float[Tensor, " B"]  # how often a clip is drawn, relative to the others
+    length: Int[Tensor, " B"]  # frames without the padding
+    weight: Float[Tensor, " B"]  # relative probability that a clip is drawn
 
 
 def draw_windows(
@@ -96,7 +96,7 @@ def draw_windows(
 
 
 def filled(hand: HandParameters, keep: Bool[Tensor, "B T"]) -> HandParameters:
-    """Frames that are not kept, interpolated between their kept neighbours, held at the ends."""
+    """Interpolate frames that are not kept between their kept neighbours; constant at the ends."""
     frames = keep.shape[1]
     time = torch.arange(frames, device=keep.device).expand_as(keep)
     before = torch.where(keep, time, -1).cummax(1).values

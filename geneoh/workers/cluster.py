@@ -1,7 +1,7 @@
-"""Work in items on a Ray cluster, of this machine or of several that share their folders.
+"""Independent work items on a Ray cluster of one machine, or of several with shared folders.
 
-A process of its own speaks with Ray. Where the head of a cluster is lost, Ray ends the process that
-works with it, after a minute and without a word to the caller; here only that process ends, soon.
+A separate client process talks to Ray, because Ray ends the process that is connected to it when
+the head node is lost, after a minute and without an error. The client notices the loss earlier.
 """
 
 import logging
@@ -34,21 +34,21 @@ from geneoh.workers.pool import (
     use_one_thread,
 )
 
-ANSWER = 10.0  # seconds in which a cluster must answer
+ANSWER = 10.0  # timeout in seconds of a connection to the head node
 RENEWED = 30.0
-"""Seconds after which the connection to a head is renewed, before the head itself ends it."""
-BEGIN = 60.0  # seconds in which the work must begin on a cluster that is there
-WAITING = 1000  # items that the cluster knows of at a time
-HEAD_LOST = 3  # exit code of the process that speaks with Ray
+"""Seconds after which the connection to the head is renewed, before the head itself closes it."""
+BEGIN = 60.0  # timeout in seconds of joining an existing cluster
+WAITING = 1000  # largest number of items submitted to Ray at a time
+HEAD_LOST = 3  # exit code of the client process when the head node is lost
 
 
 def on_cluster(
     work: Iterable[Item], do: Do[Item, Result], *, address: str, lost: Lost[Item, Result]
 ) -> Iterator[Result]:
-    """The results as they are made, as `results_of`; an item that loses its node is tried again.
+    """Yield results as they finish, like `results_of`; an item whose node is lost is tried again.
 
-    `do` can be imported on every node; `address` is as Ray takes it, "local" starts a cluster on
-    this machine.
+    `do` must be importable on every node. `address` is an address for `ray.init`; "local" starts
+    a cluster on this machine.
 
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.
@@ -60,7 +60,7 @@ def on_cluster(
             "or leave --ray out to use this machine's cores"
         )
     items, crew = list(work), list[BaseProcess]()
-    packed = [pickle.dumps(item) for item in items]  # only the nodes load what items need
+    packed = [pickle.dumps(item) for item in items]  # so that only the nodes unpickle the items
     try:
         process, pipe = started(crew, _serve, address, pickle.dumps(do), packed)
         while (told := told_by(process, pipe, address)) is not None:
@@ -75,10 +75,10 @@ def on_cluster(
 
 
 def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, bytes | str] | None:
-    """The number of an item, and its answer or why it is lost; None at the end of the work."""
+    """Index and pickled answer of the next item, or the reason why it failed; None at the end."""
     try:
         told = pipe.recv()
-    except (EOFError, OSError):  # what it tells may end in its middle
+    except (EOFError, OSError):  # the client died, perhaps in the middle of a message
         process.join(PATIENCE)
         code = process.exitcode
         if code == HEAD_LOST:
@@ -94,7 +94,7 @@ def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, 
 
 
 def _serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> None:
-    """What the process that speaks with Ray does: all that it learns goes through the pipe."""
+    """Main function of the client process: send all answers and errors through the pipe."""
     obey_parent()
     be_silent()
     ray, code = import_module("ray"), 0
@@ -110,29 +110,29 @@ def _serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> Non
         pipe.send(None)
     except GeneOHError as error:
         pipe.send(error)
-    except OSError:  # of `ask`, or Ray's own
+    except OSError:  # from `ask` or from Ray
         code = HEAD_LOST
     except Exception as error:
         pipe.send(RuntimeError(f"{type(error).__name__}: {error}"))
     finally:
-        os._exit(code)  # Ray itself would wait for a lost head
+        os._exit(code)  # because Ray's exit handlers would wait for a lost head
 
 
 def be_silent() -> None:
-    """Let nothing be printed by this process, in which Ray prints what the caller tells better."""
+    """Discard the output of this process: Ray prints there what the caller reports better."""
     null = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(null, stream)
 
 
 def give_up(pipe: Connection, address: str) -> None:
-    """End this process, which still waits for what is not Ray, or for a head without nodes."""
+    """Report that no cluster answers, or that it has no nodes, and end this process."""
     pipe.send(no_cluster(address, f"nothing of Ray was heard for {BEGIN:.0f} seconds"))
     os._exit(0)
 
 
 def no_cluster(address: str, said: str) -> ConfigError:
-    """The error that tells that no cluster answers, and what was heard instead."""
+    """The error that no cluster answers, with the reason `said`."""
     return ConfigError(
         f"--ray {address}: no cluster answers ({said}); start one with `ray start --head`, "
         "or pass --ray local"
@@ -140,11 +140,11 @@ def no_cluster(address: str, said: str) -> ConfigError:
 
 
 def connect_to_cluster(ray: Any, address: str) -> tuple[str, int]:
-    """Connect Ray to a cluster; host and port of the head, with which this process now ends."""
+    """Connect Ray to a cluster and watch its head; returns the host and port of the head."""
     named = os.environ.get("RAY_ADDRESS", "") if address == "auto" else address
     try:
         head = _place_in(named)
-        line = ask(head) if head else None  # Ray itself would ask for minutes
+        line = ask(head) if head else None  # because Ray would try to connect for minutes
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
         head = head or _place_in(ray.get_runtime_context().gcs_address)
         assert head is not None, "Ray names its head with a port"
@@ -161,14 +161,14 @@ def _place_in(address: str) -> tuple[str, int] | None:
 
 
 def ask(head: tuple[str, int]) -> socket.socket:
-    """A connection to the head; `OSError` where it does not answer."""
+    """Open a connection to the head; `OSError` if it does not answer."""
     return socket.create_connection(head, ANSWER)
 
 
 def end_with_head(head: tuple[str, int], line: socket.socket) -> None:
-    """End this process when a connection to the head ends, or no new one can be made.
+    """End this process when the connection to the head closes, or cannot be renewed.
 
-    A head that is started again at once answers too, but knows nothing of this work.
+    A closed connection counts even if the head answers again: a restarted head has lost this work.
     """
     with suppress(OSError):
         while stays_open(line):
@@ -179,7 +179,7 @@ def end_with_head(head: tuple[str, int], line: socket.socket) -> None:
 
 
 def stays_open(line: socket.socket) -> bool:
-    """Whether a connection has not ended when it should be renewed."""
+    """Whether a connection stays open for `RENEWED` seconds."""
     line.settimeout(RENEWED)
     try:
         while line.recv(1024):  # a greeting
@@ -192,7 +192,7 @@ def stays_open(line: socket.socket) -> bool:
 def answers(
     ray: Any, head: tuple[str, int], do: bytes, items: list[bytes]
 ) -> Generator[tuple[int, bytes | str], None, None]:
-    """The number of each item, and its answer or why it is lost, as they are made."""
+    """Yield the index of each item with its answer, or the reason why it failed, as they finish."""
     task = ray.remote(num_cpus=1, max_retries=TRIES - 1)(answered_alone).remote
     fresh, running = iter(enumerate(items)), dict[Any, int]()
     try:
@@ -210,14 +210,14 @@ def answers(
 
 
 def answered_alone(folder: str, do: bytes, item: bytes) -> bytes:
-    """As `answered`, with one thread, and in the folder to which paths are relative."""
-    os.chdir(folder)  # Ray's workers are in that in which their node was started
+    """`answered` on a node, with one thread, and in the folder to which paths are relative."""
+    os.chdir(folder)  # Ray's workers start in the folder in which their node was started
     use_one_thread()
     return answered(pickle.loads(do), pickle.loads(item))
 
 
 def answer_behind(ray: Any, head: tuple[str, int], reference: Any) -> bytes | str:
-    """The answer behind a reference; where its workers died, why."""
+    """The answer of a finished task, or the reason (text) if its workers died."""
     try:
         return ray.get(reference)
     except ray.exceptions.RayTaskError as error:  # raised outside of `answered`
@@ -227,6 +227,6 @@ def answer_behind(ray: Any, head: tuple[str, int], reference: Any) -> bytes | st
             "the folder in which this command runs"
         ) from error
     except ray.exceptions.RayError as error:
-        ask(head).close()  # workers that died with the head are no fault of the item
+        ask(head).close()  # raises if the head is lost, so that the item is not blamed
         why = " ".join(str(error).split())[:200]
         return f"the workers that began it were lost, {TRIES} times ({why})"

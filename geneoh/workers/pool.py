@@ -1,7 +1,7 @@
-"""Work in items that do not depend on each other: done here, or in worker processes.
+"""Independent work items, processed in this process or in worker processes.
 
-A worker that is killed, such as by a system without memory left, takes no other item with it: a new
-one takes its place, its item is tried once more, and then the caller says what becomes of it.
+If a worker is killed, for example because memory ran out, only its own item is affected. A new
+worker replaces it and tries the item once more. If that fails too, the caller decides the result.
 """
 
 import os
@@ -25,27 +25,27 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Do = Callable[[Item], Result]
 Lost = Callable[[Item, str], Result]
-"""The result of an item that killed its workers, from the item and the reason in words."""
+"""Makes the result of an item whose workers died, from the item and the reason in words."""
 
-TRIES = 2  # workers that an item may lose
-PATIENCE = 10.0  # seconds that a worker has to put away what it has half written
+TRIES = 2  # attempts at an item whose workers die
+PATIENCE = 10.0  # seconds that a worker has to clean up its unfinished files
 
 
 def results_of(
     work: Iterable[Item], do: Do[Item, Result], *, jobs: int, lost: Lost[Item, Result]
 ) -> Iterator[Result]:
-    """The results as they are made, by `jobs` processes with one thread each, or by this one if 1.
+    """Yield results as they finish, from `jobs` one-thread processes, or from this one if 1.
 
-    What `do` raises ends the work and is raised here; all workers have ended when it is.
+    An exception from `do` is raised here after all workers have ended.
 
-    An item is taken when a worker is free; `do` is a function that a new process can import, and
-    `lost`, called in this one, gives the result of an item that killed its workers.
+    Items are taken from `work` only when a worker is free. `do` must be importable by a new
+    process. `lost` is called in this process for an item whose workers died.
     """
     return in_turn(work, do) if jobs == 1 else in_processes(work, do, jobs, lost)
 
 
 def in_turn(work: Iterable[Item], do: Do[Item, Result]) -> Iterator[Result]:
-    """One item after the other here; with one thread as in workers, for the same numbers."""
+    """Process items in this process, with one thread so that results equal those of workers."""
     import torch
 
     before = torch.get_num_threads()
@@ -63,13 +63,13 @@ class Worker:
     process: BaseProcess
     pipe: Connection
     item: Any = None
-    tries: int = 0  # how often the item was begun
+    tries: int = 0  # attempts at the item, with this one
 
     def begin(self, item: Any, tries: int) -> None:
-        """Give it an item; where it is dead, the answer will say so."""
+        """Send an item; a worker that has died is noticed when its answer is read."""
         self.item, self.tries = item, tries
         with suppress(OSError):
-            # as bytes of its own: tensors would be sent as files that are opened for each
+            # pickled here, because `Connection.send` passes each tensor as an open file
             self.pipe.send_bytes(pickle.dumps(item))
 
 
@@ -82,7 +82,7 @@ def in_processes(
     crew: list[BaseProcess] = []
 
     def employ(worker: Worker | None = None) -> None:
-        """Give a worker, or a new one, the next item; items that lost a worker come last."""
+        """Give the next item to a worker, or to a new one; items to try again come last."""
         task = next(fresh, None) or (again.popleft() if again else None)
         if task is not None:
             worker = worker or Worker(*started(crew, _serve, do))
@@ -98,7 +98,7 @@ def in_processes(
                 item, tries = worker.item, worker.tries
                 try:
                     answer = worker.pipe.recv()
-                except (EOFError, OSError):  # an answer may end in its middle
+                except (EOFError, OSError):  # the worker died, perhaps while it sent the answer
                     why = cause_of_death(worker.process)
                     if tries < TRIES:
                         again.append((item, tries + 1))
@@ -114,9 +114,9 @@ def in_processes(
 def started(
     crew: list[BaseProcess], target: Callable[..., None], *args: Any
 ) -> tuple[BaseProcess, Connection]:
-    """A new process, which is added to the crew, and the pipe to it.
+    """Start a process that runs `target(pipe end, *args)` and add it to `crew`.
 
-    It calls `target` with its end of the pipe and the arguments.
+    Returns the process and this end of the pipe.
     """
     context = get_context("spawn")
     pipe, far = context.Pipe()
@@ -130,7 +130,7 @@ def started(
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Ctrl-C is for this process, which then ends its workers; those started here do not see it."""
+    """Processes started in the block ignore Ctrl-C; this process receives it and ends them."""
     if sys.platform == "win32":
         yield
         return
@@ -142,7 +142,7 @@ def interrupts_held() -> Iterator[None]:
 
 
 def cause_of_death(process: BaseProcess) -> str:
-    """Why a worker is gone; `GeneOHError` where it ended by itself, as when it cannot start."""
+    """Why a worker was killed; `GeneOHError` if it exited by itself, as when it cannot start."""
     process.join(PATIENCE)
     code = process.exitcode
     if code is not None and code >= 0:
@@ -158,7 +158,7 @@ def cause_of_death(process: BaseProcess) -> str:
 
 
 def end(crew: Iterable[BaseProcess]) -> None:
-    """End all workers, and wait until they have put away what they had half written."""
+    """End all workers, and wait until they have cleaned up their unfinished files."""
     for process in crew:
         process.terminate()
     for process in crew:
@@ -168,7 +168,7 @@ def end(crew: Iterable[BaseProcess]) -> None:
 
 
 def _serve(pipe: Connection, do: Do[Any, Any]) -> None:
-    """What a worker does: items come and answers go through the pipe, until it closes."""
+    """Main loop of a worker: receive items and send answers until the pipe closes."""
     obey_parent()
     use_one_thread()
     try:
@@ -176,14 +176,14 @@ def _serve(pipe: Connection, do: Do[Any, Any]) -> None:
             pipe.send_bytes(answered(do, pipe.recv()))
     except (EOFError, OSError):  # the parent has no more work, or is gone
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    except SystemExit:  # end by the signal that asked for it
+    except SystemExit:  # raised by the handler: die by the same signal, as the exit code must show
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGTERM)
 
 
 def obey_parent() -> None:
-    """Tidy up and end when the parent asks for it, or was killed."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # tidies up, as `sys.exit` does
+    """Clean up and end on SIGTERM from the parent, or when the parent was killed."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that `finally` blocks run
     threading.Thread(target=end_with_parent, daemon=True).start()
 
 
@@ -195,7 +195,7 @@ def end_with_parent() -> None:
 
 
 def use_one_thread() -> None:
-    """One thread for each worker, since there are as many as cores; those that wait sleep."""
+    """Limit this worker to one thread, since there is a worker per core; idle threads sleep."""
     # read by torch's import, and by libigl at its first query of a distance
     os.environ |= {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "PASSIVE", "IGL_NUM_THREADS": "1"}
     if "torch" in sys.modules:
@@ -203,13 +203,13 @@ def use_one_thread() -> None:
 
 
 def answered(do: Do[Item, Any], item: Item) -> bytes:
-    """What a worker sends: the result, or the error with its traceback as text."""
+    """The pickled answer to an item: the result, or the error with its traceback as text."""
     try:
         return pickle.dumps((do(item), None))
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))
-        except Exception:  # such as that of an error that takes two arguments
+        except Exception:  # such as an error class whose constructor takes two arguments
             error = RuntimeError(f"{type(error).__name__}: {error}")
         return pickle.dumps((error, traceback.format_exc()))
 

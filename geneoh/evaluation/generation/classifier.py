@@ -1,8 +1,8 @@
-"""The classifier of actions whose features and answers generated clips are scored by.
+"""The action classifier whose features and scores evaluate generated clips.
 
-None was ever released with Text2HOI, so scores under ours cannot be compared with the paper's. Ours
-sees 15 frames spread over a clip (paper): both hands' keypoints in the world and in the object's
-frame, and where the object is; it is trained on real clips that are not scored.
+Text2HOI released no classifier, so scores with ours cannot be compared with the paper's. Ours reads
+15 frames spread over a clip (paper): both hands' keypoints in the world frame and the object frame,
+and the object's pose. It is trained on real clips that are not scored.
 """
 
 import math
@@ -23,17 +23,17 @@ from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import Task, first_weights
 
-SEEN = 15  # frames of a clip (paper)
-SCALE = 5.0  # positions in the scene times this are numbers of about one, 1/m
-POINTS = 2 * 2 * 21 + 3  # keypoints in both frames, the object's place, two of its axes
-INPUTS = 3 * POINTS + 3  # numbers of a frame; the last are the joint and which hands there are
-SMOOTHING = 0.1  # of the labels, so that answers stay bounded
-VALIDATED = 256  # clips that training is validated on
+SEEN = 15  # frames of a clip in the input (paper)
+SCALE = 5.0  # factor of positions, 1/m, by which inputs are of order one
+POINTS = 2 * 2 * 21 + 3  # keypoints in both frames, the object's position, two of its axes
+INPUTS = 3 * POINTS + 3  # features per frame; the last are the joint and the mask of hands
+SMOOTHING = 0.1  # label smoothing, so that scores stay bounded
+VALIDATED = 256  # largest number of validation clips in training
 
 
 @dataclass(frozen=True)
 class ClassifierConfig(RunConfig):
-    """The recipe of the classifier; saved with it."""
+    """The training configuration of the classifier; saved with it."""
 
     steps: int = 1200
     batch: int = 64
@@ -49,14 +49,14 @@ class ClassifierConfig(RunConfig):
 
 
 class ActionClassifier(nn.Module):
-    """Convolutions over time, their mean and maximum, a feature vector, and a score per verb."""
+    """Convolutions over time, mean and max pooling, a feature vector, and a score per verb."""
 
     def __init__(self, config: ClassifierConfig, verbs: int = len(VERBS)):
         super().__init__()
         width = config.width
         self.enter = nn.Sequential(nn.Linear(INPUTS, width), nn.LayerNorm(width), nn.GELU())
         self.mix = nn.ModuleList(nn.Conv1d(width, width, 3, padding=1) for _ in range(3))
-        # features of one length on average, so that distances do not grow with the training
+        # normalised features, so that distances do not grow during training
         length = nn.LayerNorm(config.features, elementwise_affine=False)
         self.feature = nn.Sequential(nn.Linear(2 * width, config.features), length)
         self.answer = nn.Linear(config.features, verbs)
@@ -74,13 +74,13 @@ class ActionClassifier(nn.Module):
         return self.answer_to(self.features(inputs))
 
     def answer_to(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B C"]:
-        """A score for each verb by the features."""
+        """A score for each verb from the features."""
         return self.answer(nn.functional.gelu(features))
 
 
 @dataclass(frozen=True)
 class LabelledClips:
-    """A batch of the classifier; a piece of the training loop."""
+    """A training batch of the classifier."""
 
     inputs: Float[Tensor, "B S D"]
     verb: Int[Tensor, " B"]
@@ -92,21 +92,21 @@ class LabelledClips:
 
 @dataclass(frozen=True)
 class ClassifierTask(Task):
-    """Learning verbs from real clips."""
+    """Training of the classifier on real clips."""
 
     config: ClassifierConfig
     clips: Actions
     validation: Actions
-    verbs: int = len(VERBS)  # which there are
+    verbs: int = len(VERBS)  # number of verbs
     name: str = "actions"
 
     def network(self) -> nn.Module:
-        """A fresh network from the config's seed."""
+        """A new network, initialised from the config's seed."""
         with first_weights(self.config.seed, self.name, "weights"):
             return ActionClassifier(self.config, self.verbs)
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[LabelledClips]:
-        """Random clips, each turned about the vertical, at a random frame of each of 15 groups."""
+        """Random clips, rotated about the vertical, with a random frame of each of 15 intervals."""
         generator = seeded_generator(self.config.seed, "step", step)
         count = self.config.batch
         chosen = torch.randint(len(self.clips.verb), (count,), generator=generator)
@@ -119,13 +119,13 @@ class ClassifierTask(Task):
 
     @torch.no_grad()
     def validate(self, model: ActionClassifier, index: int) -> Float[Tensor, ""]:
-        """Share of clips of objects that it never saw that it takes for another verb."""
+        """Share of misclassified validation clips, whose objects are held out."""
         clips = self.validation.take(slice(VALIDATED), "B")
         wrong = model(clip_inputs(clips)).argmax(-1) != clips.verb
         return wrong.double().mean()
 
     def record(self) -> dict[str, Any]:
-        """The recipe and fingerprints of the clips."""
+        """The configuration and fingerprints of the clips."""
         return {
             "stage": self.name,
             "config": as_dict(self.config),
@@ -136,7 +136,7 @@ class ClassifierTask(Task):
 
 
 def _data_digest(clips: Actions) -> str:
-    """A fingerprint of clips by their verbs and the first place of each wrist."""
+    """A fingerprint of clips by their verbs and the first position of each wrist."""
     return digest([clips.verb, clips.wrist[:, :, 0]])
 
 
@@ -144,13 +144,13 @@ def _data_digest(clips: Actions) -> str:
 def classified(
     model: ActionClassifier, clips: Actions
 ) -> tuple[Float[Tensor, "N F"], Float[Tensor, "N C"]]:
-    """Features of clips and a score for each verb."""
+    """Features of clips, and a score for each verb."""
     features = model.features(clip_inputs(clips))
     return features, model.answer_to(features)
 
 
 def clip_inputs(clips: Actions) -> Float[Tensor, "B S D"]:
-    """What the classifier sees of whole clips: evenly spaced frames from the first to the last."""
+    """Input of the classifier for clips: evenly spaced frames from the first to the last."""
     return inputs_of(clips, even_frames(clips.length, SEEN))
 
 
@@ -161,17 +161,19 @@ def even_frames(length: Int[Tensor, " B"], count: int) -> Int[Tensor, "B S"]:
 
 
 def frames_within(length: Int[Tensor, " B"], share: Float[Tensor, "B S"]) -> Int[Tensor, "B S"]:
-    """A frame in each of as many equal groups of a clip's frames, at a share of the group."""
+    """One frame from each of S equal intervals of a clip, at a `share` (0 to 1) of the interval."""
     groups = torch.arange(share.shape[1]) + share
     frames = (groups / share.shape[1] * length[:, None]).long()
-    return frames.minimum(length[:, None] - 1)  # a share just below one rounds to the next group
+    return frames.minimum(length[:, None] - 1)  # a share close to 1 may round up
 
 
 def inputs_of(
     clips: Actions, frames: Int[Tensor, "B S"], turn: Float[Tensor, "B 3 3"] | None = None
 ) -> Float[Tensor, "B S D"]:
-    """What the classifier sees of some frames: positions are from where the object is in the first
-    of them on the table. Absent hands are zero. `turn` rotates the world about the vertical.
+    """Input of the classifier for some frames of clips.
+
+    World positions are relative to the point of the table below the object in the first of these
+    frames. Absent hands are zero. `turn` rotates the world about the vertical.
     """
     clips = clips.at_frames(frames)
     start = clips.translation[:, :1] * torch.tensor([1.0, 1.0, 0.0])

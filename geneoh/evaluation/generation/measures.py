@@ -1,4 +1,4 @@
-"""What is measured on each clip of a set of actions without a classifier: physics and contact."""
+"""Measures of each clip that need no classifier: physics and contact."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class PosedActions(Bundle):
 
 
 def posed_actions(actions: Actions) -> PosedActions:
-    """The embedded hands of the mean shape, and the object's points, in every frame."""
+    """The embedded hands with mean shape, and the object's points, in every frame."""
     made = [
         shaped.posed(actions.pose[:, side], actions.wrist[:, side])
         for side, shaped in enumerate(mean_hands())
@@ -42,18 +42,18 @@ def posed_actions(actions: Actions) -> PosedActions:
 
 
 def surface_motion(actions: Actions) -> SurfacePoints:
-    """The points of the objects in the world, their parts moved by the joint."""
+    """The points of the objects in the world frame, with the second part moved by the joint."""
     points = actions.posed_points() @ actions.rotation.mT + actions.translation[:, :, None]
     normals = actions.posed_normals() @ actions.rotation.mT
     return SurfacePoints(points, normals, actions.length)
 
 
 def mean_hands() -> tuple[ShapedHand, ...]:
-    """The left and the right embedded hand of the mean shape."""
+    """The left and the right embedded hand with mean shape."""
     return tuple(load_hand(side).shaped(torch.zeros(10)) for side in SIDES)
 
 
-WITHIN = 0.05  # distance from the object's points beyond which skin is not measured, metres
+WITHIN = 0.05  # distance to the object's points beyond which vertices are not measured, metres
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class ClipMeasures(Bundle):
 
     realism: Float[Tensor, " B"]  # share of the frames that are realistic
     moved_alone: Float[Tensor, " B"]  # share of the moving frames without a hand at the object
-    depth_mm: Float[Tensor, " B"]  # depth of the deepest vertex of both hands, mean over frames
+    depth_mm: Float[Tensor, " B"]  # penetration depth of both hands' deepest vertex, mean of frames
     deepest_mm: Float[Tensor, " B"]  # the same, largest over frames
     contact: Float[Tensor, " B"]  # share of the frames in which a hand touches
     acceleration_mm: Float[Tensor, " B"]  # of the keypoints, in millimetres per frame squared
 
 
 def measure_clips(actions: Actions, on_step: OnStep | None = None) -> ClipMeasures:
-    """Measure every clip over its frames, hands with the skin of the mean shape."""
+    """Measure every clip over its frames, with hand meshes of the mean shape."""
     clips = range(len(actions.verb))
     return concatenated(
         [measure_clip(actions.take(slice(i, i + 1), "B")) for i in steps(clips, on_step)], "B"

@@ -1,4 +1,4 @@
-"""The files of an evaluation of generated clips: a table in Markdown, a CSV and a JSON."""
+"""The output files of an evaluation of generated clips: a table in Markdown, a CSV and a JSON."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -20,17 +20,17 @@ FILES = ("generation.json", "generation.csv", "generation.md")
 
 @dataclass(frozen=True)
 class GenerationReport:
-    """All scores of a run, and what they depend on."""
+    """All scores of a run, and the settings on which they depend."""
 
     settings: dict[str, Any]
-    """Settings, clips, weights, the classifier's recipe and hash, and versions of the packages."""
+    """Settings, clips, weights, the classifier's configuration and hash, and package versions."""
     command: str
     rows: dict[str, RowScores]
-    about: tuple[str, ...]  # what a reader of the table must know
+    about: tuple[str, ...]  # remarks below the table
     measures: tuple[Column, ...] = MEASURES
 
     def remarks(self) -> Iterator[str]:
-        """What a reader of the table must know, and what each column means."""
+        """Remarks below the table, among them the meaning of each column."""
         yield from self.about
         for measure in self.measures:
             yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
@@ -38,9 +38,9 @@ class GenerationReport:
             yield self.distances_beside_the_last()
 
     def distances_beside_the_last(self) -> str:
-        """How much less or more the FID of every row is than that of the last one.
+        """A remark with the difference of each row's FID to that of the last row.
 
-        All rows are scored on the same halves, so these differences vary less than the distances.
+        All rows are scored on the same halves of the clips, so differences vary less than FIDs.
         """
         distances = {name: torch.tensor(row.values["fid"]) for name, row in self.rows.items()}
         *others, last = distances
@@ -50,7 +50,7 @@ class GenerationReport:
 
 
 def keep_other_generation_reports(folder: Path) -> None:
-    """Refuse a folder that has files with the names of the report's which geneoh did not write."""
+    """`InputError` if a folder holds files of the report's names that geneoh did not write."""
     if not is_ours(folder / FILES[0]):
         keep_others(*(folder / name for name in FILES))
 
@@ -64,9 +64,9 @@ def write_generation_report(report: GenerationReport, folder: Path) -> list[Path
 
 
 def as_json(report: GenerationReport) -> str:
-    """Everything that is needed to repeat the evaluation, and every score of every repetition.
+    """The settings needed to repeat the evaluation, and the scores of all repetitions.
 
-    What cannot be measured, such as the multimodality of one clip, is null.
+    Values that cannot be measured, such as the multimodality of a single clip, are null.
     """
     whole = {
         "generator": "geneoh eval",
@@ -84,7 +84,7 @@ def as_json(report: GenerationReport) -> str:
 
 
 def _as_csv(report: GenerationReport) -> str:
-    """A line for each row and repetition, with all measures."""
+    """One line per row and repetition, with all measures."""
     keys = [measure.key for measure in report.measures]
     rows: list[list[Any]] = [["row", "repetition", *keys]]
     for name, row in report.rows.items():
@@ -94,7 +94,7 @@ def _as_csv(report: GenerationReport) -> str:
 
 
 def _as_markdown(report: GenerationReport) -> str:
-    """The table, with what made it."""
+    """The table as Markdown, with command, remarks, versions and weights."""
     heads = [f"{m.title} {m.unit}".strip() for m in report.measures]
     lines = ["# geneoh eval", "", f"`{report.command}`", ""]
     lines += [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
@@ -111,7 +111,7 @@ def generation_as_text(report: GenerationReport) -> Iterator[str]:
 
 
 def _table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
-    """The name and the texts of each row."""
+    """The name and the cell texts of each row."""
     for name, row in report.rows.items():
         cells = row.cells
         yield name, [_shown(cells[measure.key], measure) for measure in report.measures]

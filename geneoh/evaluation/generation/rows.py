@@ -1,4 +1,4 @@
-"""Rows of clips beside the real ones: the nearest training clips, and what the networks make."""
+"""The rows of the table besides real clips: nearest training clips, and generated ones."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -32,17 +32,16 @@ from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.synthesis.draws import Draws
 from geneoh.workers.pool import results_of
 
-SHAPE_POINTS = 128  # points of an object by which shapes are compared
+SHAPE_POINTS = 128  # points of an object for the comparison of shapes
 
 
 def nearest_training(real: Actions, training: Actions) -> Actions:
-    """For each clip the motion of the training clip of its verb and hands whose object is nearest.
+    """Each clip's object with the motion of the training clip whose object is nearest.
 
-    The motion is that of hands, object and joint as it was; the object that moves is the clip's
-    own. Objects of the same kind of joint are searched first. Where no training clip has the verb
-    and the hands, all with the hands are searched, else all. Objects are compared in size and shape
-    as they stand. A joint of another kind moves as far as networks are told it: a radian is a
-    decimetre.
+    Candidates have the same verb, hands and kind of joint; without any, the same verb and hands;
+    then the same hands; then all. Objects are compared by the chamfer distance of their points as
+    they stand. Hands, object and joint move as in the training clip; for another kind of joint, one
+    radian becomes one decimetre, or the reverse.
     """
     at = torch.tensor([_nearest(real, clip, training) for clip in range(len(real.verb))])
     found = training.take(at, "B")
@@ -62,28 +61,28 @@ def _nearest(real: Actions, clip: int, training: Actions) -> int:
 
 
 def joint_kinds(actions: Actions) -> Int[Tensor, " B"]:
-    """0 for rigid objects, 1 for those with a hinge and 2 for those with a part that slides."""
+    """Kind of joint of each object: 0 rigid, 1 hinge, 2 slide."""
     return (actions.part > 0).any(1) * (1 + actions.slides.long())
 
 
 def shape_points(actions: Actions) -> Float[Tensor, "B S 3"]:
-    """Some points of each object, spread over their order."""
+    """About `SHAPE_POINTS` points of each object, evenly spread over their order."""
     count = actions.points.shape[1]
     return actions.points[:, :: max(1, count // SHAPE_POINTS)]
 
 
 def chamfer(many: Float[Tensor, "B S 3"], one: Float[Tensor, "R 3"]) -> Float[Tensor, " B"]:
-    """Mean distance of each point to the nearest of the other cloud, both ways, metres."""
+    """Chamfer distance of B point clouds to one: sum of both mean nearest distances, metres."""
     apart = torch.cdist(many, one)
     return apart.amin(1).mean(1) + apart.amin(2).mean(1)
 
 
-AT_ONCE = 16  # clips that are drawn together
+AT_ONCE = 16  # clips that are sampled together
 
 
 @dataclass(frozen=True)
 class Drawn(Bundle):
-    """Actions as they were drawn, with the contact maps that they were made for."""
+    """Sampled actions before refinement, with the contact maps on which they are conditioned."""
 
     actions: Actions
     touched: Float[Tensor, "B P"]
@@ -97,9 +96,9 @@ def draw_clips(
     contact: bool = True,
     on_step: OnStep | None = None,
 ) -> Drawn:
-    """An action for a random sentence on each real clip, with its object, hands and length.
+    """Sample an action for each real clip: its object, hands and length, and a random sentence.
 
-    Without `contact` the networks are told that no point of the object is touched.
+    Without `contact`, the contact map of the networks is zero.
     """
     real = data.actions.take(slice(None))
     said = sentences(real, data, Draws(len(real.verb), generator))
@@ -117,34 +116,34 @@ def draw_clips(
         made, touched = sample_actions(
             networks, *asked, generator=generator, contact=given, giver=giver
         )
-        # clips that were drawn together are as long as the longest of them
+        # clips that are sampled together are as long as the longest; pad to the length of all
         made = made.at_frames(every.minimum(made.length[:, None] - 1))
         parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
     return concatenated(parts, "B")
 
 
 def drawn_and_refined(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Actions:
-    """The drawn actions, after the paper's refiner or without one."""
+    """The sampled actions, with the paper's refiner if one is passed."""
     if refiner is None:
         return drawn.actions
     parts = [drawn.take(slice(n, n + AT_ONCE), "B") for n in range(0, len(drawn.touched), AT_ONCE)]
     return concatenated([refined_by(refiner, some.actions, some.touched) for some in parts], "B")
 
 
-STILL = 0.3  # range of a joint's states below which it stands still: radians or decimetres
+STILL = 0.3  # range of a joint's states below which it counts as still, radians or decimetres
 
 
 def refined(
     actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
 ) -> Actions:
-    """Drawn clips as `geneoh generate --refine geneoh` makes them of what the paper's refiner left.
+    """Refine clips after the paper's refiner as `geneoh generate --refine geneoh` does.
 
-    Objects have the meshes that follow from their points. One whose joint stands still is one
-    mesh, as `geneoh generate` is given it. `jobs` processes share the clips, each with one thread,
-    and give the bits of one.
+    Object meshes are reconstructed from their points. An object whose joint is still becomes one
+    rigid mesh, as in `geneoh generate`. `jobs` processes share the clips, each with one thread;
+    results do not depend on their number.
 
     Raises:
-        GeneOHError: a clip ended its workers, as where memory runs out.
+        GeneOHError: the workers of a clip died, for example because memory ran out.
     """
     count, made = len(actions.verb), {}
     clips = ((n, actions.take(slice(n, n + 1), "B")) for n in range(count))
@@ -157,18 +156,18 @@ def refined(
 
 
 def refined_with_number(numbered: tuple[int, Actions], seed: int) -> tuple[int, Actions]:
-    """A clip refined, with its number, because processes end in any order."""
+    """Refine a clip and return it with its number, because processes finish in any order."""
     number, clip = numbered
     return number, refined_clip(clip, seed)
 
 
 def _lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
-    """A clip that ended its workers ends the evaluation."""
+    """`GeneOHError` for a clip whose workers died, which ends the evaluation."""
     raise GeneOHError(f"clip {numbered[0]} of those that are refined: {why}")
 
 
 def refined_clip(clip: Actions, seed: int) -> Actions:
-    """A batch of one clip, refined; a joint that stands still has one state in every frame."""
+    """Refine a batch of one clip; a still joint gets its mean state in every frame."""
     if not joint_rests(clip):
         return refined_parts(clip, seed)
     found = refined_parts(as_one_part(clip), seed)
@@ -183,7 +182,7 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
 
 
 def refined_parts(clip: Actions, seed: int) -> Actions:
-    """A batch of one clip, refined, and at rest at either end, which the cleaner does not know."""
+    """Refine a batch of one clip: settle the hands, clean them, and bring both ends to rest."""
     meshes = part_meshes(clip)
     clip = held(clip, meshes, torch.Generator().manual_seed(seed))
     sequence = action_sequence(clip, meshes)
@@ -213,7 +212,7 @@ def held(clip: Actions, meshes: tuple[Mesh, ...], generator: torch.Generator) ->
 
 
 def joint_rests(clip: Actions) -> bool:
-    """Whether the joint of a batch of one clip moves by less than `STILL`."""
+    """Whether the joint in a batch of one clip moves by less than `STILL`."""
     states = (clip.joint * clip.joint_units)[clip.valid]
     return bool(states.max() - states.min() < STILL)
 
@@ -224,7 +223,7 @@ def mean_joint(clip: Actions) -> Float[Tensor, "1 T"]:
 
 
 def as_one_part(clip: Actions) -> Actions:
-    """A batch of one clip whose object is rigid, in the mean state of its joint."""
+    """A batch of one clip with its object made rigid, in the mean state of its joint."""
     posed = replace(clip, joint=mean_joint(clip))
     return replace(
         posed,

@@ -1,4 +1,4 @@
-"""Scoring a generator of actions on objects that no training saw, beside what it must beat."""
+"""Scoring of a generator of actions on held-out objects, beside baselines."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -60,34 +60,34 @@ from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress, trained
 
 NETWORKS = ("text", "contact", "interaction", "refiner")
-CLASSIFIERS = 5  # with seeds of their own: under a single one small differences may be accidents
-FOLDER = "classifier"  # of each classifier, before its seed, in the folder of the evaluation
+CLASSIFIERS = 5  # with different seeds: small differences under a single one may be accidental
+FOLDER = "classifier"  # prefix of each classifier's subfolder in the output folder
 
 
 @dataclass(frozen=True)
 class GenerationOptions:
-    """Which clips a generator is scored on, and how often."""
+    """Options of the evaluation of a generator of actions."""
 
     data: Path
     """Folder of actions: the classifier is trained on its training clips, and its validation clips
     are the conditions."""
     dataset: ActionDataset = "synthetic"
-    """What the folder holds: shards of `geneoh synthesize --actions`, whose validation clips are of
-    held-out objects; or a data set with labels of actions, of which a subject is held out."""
-    limit: int = CLIPS  # most validation clips, spread over all of them
+    """Kind of the data: shards of `geneoh synthesize --actions`, whose validation clips are of
+    held-out objects; or a data set with action labels, of which a subject is held out."""
+    limit: int = CLIPS  # largest number of validation clips, spread over all of them
     refine: Refiner = "none"
-    """ "geneoh" for a row of what `geneoh generate` makes: hands are brought to the object and go
-    through the cleaner, several seconds a clip."""
+    """ "geneoh" adds a row refined as by `geneoh generate`: hands are brought to the object and
+    cleaned, which takes several seconds per clip."""
     weights: Path | None = None
-    """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
+    """Folder of weights from `geneoh train`; for networks that it lacks, shipped ones are used."""
     seed: int = 0
     repetitions: int = REPETITIONS
     mano: Path | None = None  # folder of the user's MANO, for data sets that need it
     recorded: RecordedConfig = field(default_factory=RecordedConfig)
     """How actions are cut out of recordings."""
     classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
-    """The recipe of the first classifier; the others have the seeds that follow."""
-    classifiers: int = CLASSIFIERS  # classifiers whose mean scores are reported
+    """The configuration of the first classifier; the others have consecutive seeds."""
+    classifiers: int = CLASSIFIERS  # number of classifiers whose mean scores are reported
 
     def __post_init__(self) -> None:
         if self.classifiers < 1:
@@ -96,7 +96,7 @@ class GenerationOptions:
             )
 
 
-Row = Callable[[OnStep | None], Actions]  # makes the clips of a row, telling its progress
+Row = Callable[[OnStep | None], Actions]  # makes the clips of a row and reports its progress
 
 
 def evaluate_generator(
@@ -107,12 +107,12 @@ def evaluate_generator(
     jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> GenerationReport:
-    """Score every row under every classifier; these are kept in `folder`, for the next time.
+    """Score every row with every classifier; classifiers are kept in `folder` for later runs.
 
-    `jobs` processes share the clips that go through the cleaner; all else is done by this one.
+    `jobs` processes share the clips that are refined; this process does everything else.
 
     Raises:
-        InputError: the data is not there, or holds no actions.
+        InputError: the data is missing, or holds no actions.
         CheckpointError: weights are missing, or the folder holds a classifier of other data.
     """
     networks = load_text2hoi(options.weights)
@@ -143,7 +143,7 @@ def evaluate_generator(
 
 
 def about_moving_joints(measured: Mapping[str, tuple[Actions, ClipMeasures]]) -> tuple[str, ...]:
-    """What is measured on those clips alone whose joint moves, in the real ones, row by row."""
+    """A remark with the measures of each row on the clips whose joint moves in the real clip."""
     real, _ = measured[REAL]
     clips = (real.take(slice(n, n + 1), "B") for n in range(len(real.verb)))
     moves = torch.tensor([not joint_rests(clip) for clip in clips])
@@ -163,7 +163,7 @@ def about_moving_joints(measured: Mapping[str, tuple[Actions, ClipMeasures]]) ->
 def classifier_tasks(
     options: GenerationOptions, training: Actions, validation: Actions, verbs: int
 ) -> dict[str, ClassifierTask]:
-    """The same training with as many seeds as there are classifiers, by the folder of each."""
+    """One training task per classifier, which differ in their seeds, by subfolder."""
     first = options.classifier
     seeds = range(first.seed, first.seed + options.classifiers)
     return {
@@ -177,7 +177,7 @@ def scores_under(
     rows: Mapping[str, tuple[Actions, ClipMeasures]],
     options: GenerationOptions,
 ) -> dict[str, RowScores]:
-    """The scores of all rows under one classifier."""
+    """The scores of all rows with one classifier."""
     scored = {name: scored_by(model, *row) for name, row in rows.items()}
     scored = with_random_verbs(scored, options.seed)
     return repeat(scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES)
@@ -186,12 +186,12 @@ def scores_under(
 def network_rows(
     networks: Text2HoiNetworks, real: ActionData, options: GenerationOptions, jobs: int
 ) -> dict[str, Row]:
-    """What the networks make, with and without their parts; all draw the same noise."""
+    """The rows of the networks, complete and ablated; all are sampled from the same noise."""
     made: dict[bool, Drawn] = {}
     refiner = load_refiner(options.weights)
 
     def make(on_step: OnStep | None, contact: bool = True, refine: bool = False) -> Actions:
-        if contact not in made:  # rows differ in what is done with the same actions
+        if contact not in made:  # several rows process the same sampled actions
             generator = row_generator(options.seed, "text2hoi")
             made[contact] = draw_clips(
                 networks, real, generator=generator, contact=contact, on_step=on_step
@@ -210,23 +210,23 @@ def network_rows(
 
 
 def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, ScoredClips]:
-    """The rows with one more after the first: real clips, with one another's verbs."""
+    """The rows with another one after the first: the real clips with permuted verbs."""
     real, (_, *rest) = scored[REAL], scored.items()
     order = torch.randperm(len(real.verb), generator=row_generator(seed, "random verbs"))
     return {REAL: real, "random verbs": replace(real, verb=real.verb[order]), **dict(rest)}
 
 
 def row_generator(seed: int, row: str) -> torch.Generator:
-    """What draws a row."""
+    """The random number generator of a row."""
     return seeded_generator(seed, "row", row)
 
 
 def split_clips(
     options: GenerationOptions, folder: Path, on_progress: OnProgress | None
 ) -> tuple[Actions, ActionData, tuple[str, ...]]:
-    """All training clips, with few points of their objects; those to score on; and notes on both.
+    """The training clips (objects subsampled to few points), the validation clips, and notes.
 
-    What is cut out of recordings is kept in the folder.
+    Shards that are cut out of recordings are kept in `folder`.
     """
     if options.dataset == "synthetic":
         actions, names = read_actions(options.data, "val")
@@ -239,7 +239,7 @@ def split_clips(
 
 
 def thinned(clips: Actions) -> Actions:
-    """Clips with few points of their objects, because a data set is large."""
+    """Clips with their objects subsampled to few points, to save memory."""
     count = clips.points.shape[1]
     return clips.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
 
@@ -247,7 +247,7 @@ def thinned(clips: Actions) -> Actions:
 def _settings_of(
     options: GenerationOptions, tasks: dict[str, ClassifierTask], folder: Path, clips: int
 ) -> dict[str, Any]:
-    """What the scores depend on."""
+    """The settings on which the scores depend."""
     first = next(iter(tasks.values()))
     hashes = {
         str(task.config.seed): file_digest([folder / name / f"{task.name}.safetensors"])
@@ -267,7 +267,7 @@ def _settings_of(
 
 
 def _about_run(settings: dict[str, Any]) -> tuple[str, ...]:
-    """What a reader of the table must know."""
+    """Remarks below the table: on the clips, repetitions and classifiers."""
     classifier = settings["classifier"]
     hashes = classifier["hashes"]
     named = ", ".join(f"{seed} {mark}" for seed, mark in hashes.items())
@@ -280,7 +280,7 @@ def _about_run(settings: dict[str, Any]) -> tuple[str, ...]:
 
 
 def about_repetitions(settings: dict[str, Any]) -> str:
-    """What the cells of a table are, as the end of a sentence."""
+    """Description of the cells of a table, as the end of a sentence."""
     return (
         f"means over {settings['repetitions']} repetitions, each with a random half of them as "
         "conditions, ± 95% intervals over other clips like these; FID is that to the other half."
@@ -288,7 +288,7 @@ def about_repetitions(settings: dict[str, Any]) -> str:
 
 
 def told_training(on_progress: OnProgress | None, name: str) -> Callable[[Progress], None] | None:
-    """Training told as the progress of a part of the work."""
+    """An `on_step` of training that passes its progress on to `on_progress` under a name."""
     if on_progress is None:
         return None
     return lambda done: on_progress(name, done.step, done.steps)

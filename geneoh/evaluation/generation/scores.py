@@ -1,8 +1,8 @@
 """Scores of rows of clips over repetitions: by the classifier's features, and by measures of clips.
 
-Each repetition divides the real clips in two at random: a row is scored by its clips for one half
-of the conditions, and the Fréchet distance is that to the real clips of the other half. So the real
-clips have a distance too, that of one half to the other, which is as near as any row can come.
+Each repetition splits the conditions randomly into two halves: a row is scored by its clips for the
+first half, and their Fréchet distance is to the real clips of the second. The real clips therefore
+also have a Fréchet distance, between their halves, which is the best that a row can expect.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,8 +27,8 @@ from geneoh.metrics.features import (
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions.action import Actions
 
-TOP = 3  # classes among which the right one must be (paper)
-REPETITIONS = 20  # (paper)
+TOP = 3  # the k of the top-k accuracy (paper)
+REPETITIONS = 20  # random splits of the conditions (paper)
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
 
@@ -63,17 +63,17 @@ MEASURES = (
 
 @dataclass(frozen=True)
 class ClipFeatures(Bundle):
-    """B clips of a row whose features are known."""
+    """Features of B clips of a row."""
 
     features: Float[Tensor, "B F"]
 
 
 @dataclass(frozen=True)
 class ScoredClips(ClipFeatures):
-    """What is known of each of B clips of a row."""
+    """Features, scores and measures of B clips of a row."""
 
-    verb: Int[Tensor, " B"]  # that was asked for
-    scores: Float[Tensor, "B C"]
+    verb: Int[Tensor, " B"]  # verb of the condition
+    scores: Float[Tensor, "B C"]  # classifier score of each verb
     measures: ClipMeasures
 
 
@@ -85,7 +85,7 @@ class RowScores:
 
     @property
     def cells(self) -> dict[str, Interval]:
-        """Mean over the repetitions, and the 95% interval over other clips like these."""
+        """Mean over the repetitions, and its 95% interval with respect to the choice of clips."""
         return {key: interval(torch.tensor(values)) for key, values in self.values.items()}
 
 
@@ -93,7 +93,7 @@ Scored = TypeVar("Scored", bound=ClipFeatures)
 
 
 def scored_by(model: ActionClassifier, clips: Actions, measures: ClipMeasures) -> ScoredClips:
-    """What is known of each clip of a row under a classifier, and without one."""
+    """Classify the clips of a row and combine the result with their measures."""
     features, scores = classified(model, clips)
     return ScoredClips(features, clips.verb, scores, measures)
 
@@ -105,7 +105,10 @@ def repeat(
     repetitions: int,
     scores: Mapping[str, Callable[[Scored, Scored, torch.Generator], float]],
 ) -> dict[str, RowScores]:
-    """The scores of all rows, the first of real clips: each has a clip for each condition."""
+    """The scores of all rows over repetitions.
+
+    The first row holds the real clips; every row has one clip per condition, in the same order.
+    """
     real = next(iter(rows.values()))
     values = {name: {key: [] for key in scores} for name in rows}
     for number in range(repetitions):
@@ -120,7 +123,7 @@ def repeat(
 
 
 def mean_scores(tables: Sequence[Mapping[str, RowScores]]) -> dict[str, RowScores]:
-    """The mean of tables of the same rows and repetitions, each under another classifier."""
+    """The mean of tables with the same rows and repetitions, one per classifier."""
 
     def mean(name: str, key: str) -> list[float]:
         found = [table[name].values[key] for table in tables]
@@ -137,11 +140,11 @@ def _drawn(*parts: object) -> torch.Generator:
 
 
 Score = Callable[[ScoredClips, ScoredClips, torch.Generator], float]
-"""A score of some clips, given other real ones, and what draws pairs."""
+"""A score as a function of clips, other real clips, and a generator for random pairs."""
 
 
 def _mean(key: str, scale: float = 1.0) -> Score:
-    """The mean of a measure over the clips that have it."""
+    """The mean of a measure over the clips in which it is not NaN."""
     return lambda part, _, __: scale * float(getattr(part.measures, key).nanmean())
 
 
@@ -159,4 +162,4 @@ SCORES: dict[str, Score] = {
     "contact": _mean("contact", 100.0),
     "acceleration_mm": _mean("acceleration_mm"),
 }
-"""How each measure of the table is made, by its key."""
+"""The function of each measure of the table, by its key."""

@@ -1,9 +1,9 @@
-"""The encoder of motions and sentences by which generated hands are scored.
+"""The joint encoder of motions and sentences by which generated hands are scored.
 
-None was released with BOTH2Hands, and under the one of its code real clips score as chance does:
-the token that gathers a clip is drawn anew each time, and dropout stays on. Ours is trained with
-its token and its temperature, and has no dropout. True clips are told from clips with another's
-hands as well as from other clips, so that hands count where the body already tells much.
+BOTH2Hands released no weights of its encoder, and with its code real clips score at chance: the
+class token is random in each call, and dropout stays on. Ours learns the token and the temperature
+and has no dropout. The contrastive loss has negatives with the hands of another clip, besides other
+clips, because the body alone already identifies many clips.
 """
 
 import math
@@ -34,14 +34,14 @@ from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import Task, first_weights
 
-SEEN = 30  # frames of a clip, from its first to its last
-AT_ONCE = 64  # clips whose features are made together
-LARGEST_INVERSE = 100.0  # largest inverse temperature
+SEEN = 30  # frames of a clip that the encoder sees, evenly spaced from first to last
+AT_ONCE = 64  # clips whose features are computed together
+LARGEST_INVERSE = 100.0  # largest inverse temperature of the loss
 
 
 @dataclass(frozen=True)
 class EncoderConfig(RunConfig):
-    """The recipe of the encoder; saved with it."""
+    """The training configuration of the encoder; saved with it."""
 
     steps: int = 600
     batch: int = 48
@@ -55,8 +55,8 @@ class EncoderConfig(RunConfig):
     width: int = 96
     depth: int = 2
     heads: int = 4
-    features: int = 32  # length of the vectors of motions and sentences
-    hidden: float = 0.3  # share of the clips in training whose body is not seen
+    features: int = 32  # length of the feature vectors of motions and sentences
+    hidden: float = 0.3  # share of the training clips whose body is masked
     text: SentenceConfig = field(
         default_factory=lambda: SentenceConfig(pieces=1024, piece_width=48, width=96)
     )
@@ -64,7 +64,7 @@ class EncoderConfig(RunConfig):
 
 @dataclass(frozen=True)
 class Seen(Bundle):
-    """What the encoder sees of B clips: S frames of the body and of the fingers."""
+    """Input of the encoder for B clips: features of body and fingers in S frames."""
 
     body: Float[Tensor, "B S 198"]
     hands: Float[Tensor, "B S 270"]  # in the axes of the wrists
@@ -72,13 +72,13 @@ class Seen(Bundle):
     @staticmethod
     def of(clips: Gestures) -> "Seen":
         """Evenly spaced frames of clips, up to their ends."""
-        firsts = range(0, len(clips.body), AT_ONCE)  # the matrices of all take much memory
+        firsts = range(0, len(clips.body), AT_ONCE)  # rotations of all clips need much memory
         parts = (clips.take(slice(first, first + AT_ONCE), "B") for first in firsts)
         return concatenated((Seen.moved(part, part.motion) for part in parts), "B")
 
     @staticmethod
     def moved(clips: Gestures, motion: BodyMotion) -> "Seen":
-        """The same frames of the clips with another motion of their skeletons."""
+        """The same frames of clips whose skeletons move by `motion`."""
         frames = even_frames(clips.length, SEEN)
         rows = torch.arange(len(frames))[:, None]
         some = BodyMotion(motion.root[rows, frames], motion.rotations[rows, frames])
@@ -87,7 +87,7 @@ class Seen(Bundle):
 
 
 class GestureEncoder(nn.Module):
-    """Clips and sentences to unit vectors that are near each other where they belong together."""
+    """Maps clips and sentences to unit vectors, which are near each other if they match."""
 
     mean: Tensor
     std: Tensor
@@ -109,7 +109,7 @@ class GestureEncoder(nn.Module):
         self.cold = nn.Parameter(torch.tensor(math.log(10.0)))
 
     def set_scale(self, clips: Seen) -> None:
-        """Take mean and deviation of what is seen from clips."""
+        """Set the mean and standard deviation by which inputs are normalised, from clips."""
         whole = torch.cat([clips.body, clips.hands], -1).flatten(0, 1)
         self.mean.copy_(whole.mean(0))
         self.std.copy_(whole.std(0).clamp(min=1e-3))
@@ -117,7 +117,7 @@ class GestureEncoder(nn.Module):
     def motions(
         self, clips: Seen, hidden: Bool[Tensor, " B"] | None = None
     ) -> Float[Tensor, "B F"]:
-        """Unit vectors of clips; the bodies of hidden ones are not seen."""
+        """Unit vectors of clips; the bodies of `hidden` clips are masked."""
         whole = (torch.cat([clips.body, clips.hands], -1) - self.mean) / self.std
         if hidden is not None:
             body = whole[..., :BODY].masked_fill(hidden[:, None, None], 0.0)
@@ -129,22 +129,22 @@ class GestureEncoder(nn.Module):
         return normalize(self.leave(self.layers(torch.cat([token, tokens], 1))[:, 0]), dim=-1)
 
     def sentences(self, pieces: Int[Tensor, "B N"]) -> Float[Tensor, "B F"]:
-        """Unit vectors of sentences, by the numbers of their pieces."""
+        """Unit vectors of sentences, given as token indices."""
         return normalize(self.read(self.text(pieces)), dim=-1)
 
 
 @dataclass(frozen=True)
 class ClipBatch(Bundle):
-    """A batch of the encoder; a piece of the training loop."""
+    """A training batch of the encoder."""
 
     clips: Seen
-    other: Float[Tensor, "B S 270"]  # hands of other clips
-    pieces: Int[Tensor, "B N"]
-    hidden: Bool[Tensor, " B"]  # whose bodies are not seen
+    other: Float[Tensor, "B S 270"]  # hands of other clips, for negatives
+    pieces: Int[Tensor, "B N"]  # token indices of a sentence of each clip
+    hidden: Bool[Tensor, " B"]  # clips whose body is masked
 
     def loss(self, model: GestureEncoder) -> Tensor:
-        """Cross entropies of the right clip for each sentence, among those with wrong hands too,
-        and of the right sentence for each clip."""
+        """Contrastive loss: cross entropy of the right clip for each sentence, among all clips and
+        all clips with wrong hands, and of the right sentence for each clip."""
         wrong = Seen(self.clips.body, self.other)
         motions = model.motions(concatenated([self.clips, wrong], "B"), self.hidden.repeat(2))
         told = model.sentences(self.pieces)
@@ -154,13 +154,13 @@ class ClipBatch(Bundle):
         return 0.5 * (cross_entropy(alike, right) + cross_entropy(back, right))
 
 
-VALIDATED = 256  # clips that training is validated on
-POOL = 32  # clips among which the right one is looked for (paper)
+VALIDATED = 256  # largest number of validation clips in training
+POOL = 32  # clips from which the right one is retrieved (paper)
 
 
 @dataclass(frozen=True)
 class EncoderTask(Task):
-    """Learning which sentence belongs to which clip."""
+    """Training of the encoder to match sentences and clips."""
 
     config: EncoderConfig
     clips: Gestures
@@ -169,33 +169,33 @@ class EncoderTask(Task):
 
     @cached_property
     def tokenizer(self) -> Tokenizer:
-        """The pieces of the words of the training sentences."""
+        """The tokenizer (word pieces) of the training sentences."""
         return learned_pieces(self.clips.joined.flatten().tolist(), self.config.text.pieces)
 
     @cached_property
     def seen(self) -> Seen:
-        """What is seen of the training clips."""
+        """The inputs of the training clips."""
         return Seen.of(self.clips)
 
     @cached_property
     def pieces_of_clips(self) -> Int[Tensor, "B K N"]:
-        """All sentences of the training clips."""
+        """Token indices of all K sentences of each training clip."""
         count, each = self.clips.joined.shape
         return self.numbers(self.clips.joined.flatten().tolist()).unflatten(0, (count, each))
 
     def numbers(self, sentences: Sequence[str]) -> Int[Tensor, "B N"]:
-        """Sentences as numbers of pieces."""
+        """Sentences as token indices."""
         return sentence_numbers(self.tokenizer, sentences, self.config.text.longest)
 
     def network(self) -> nn.Module:
-        """A fresh network with the scale of the clips."""
+        """A new network, normalised by the training clips."""
         with first_weights(self.config.seed, self.name, "weights"):
             made = GestureEncoder(self.config)
         made.set_scale(self.seen)
         return made
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[ClipBatch]:
-        """Random clips, each with a random one of its sentences, and others' hands."""
+        """Random clips, each with one of its sentences at random, and the hands of another clip."""
         generator = seeded_generator(self.config.seed, self.name, step)
         total, count = len(self.clips.body), self.config.batch
         chosen = torch.randperm(total, generator=generator)[:count]
@@ -208,7 +208,7 @@ class EncoderTask(Task):
 
     @torch.no_grad()
     def validate(self, model: GestureEncoder, index: int) -> Float[Tensor, ""]:
-        """Share of sentences of held-out clips that find another clip among 32."""
+        """Share of sentences of held-out clips that retrieve a wrong clip out of `POOL`."""
         clips = self.validation.take(slice(VALIDATED), "B")
         seen = Seen.of(clips)
         told = model.sentences(self.numbers(clips.joined[:, 0].tolist()))
@@ -217,7 +217,7 @@ class EncoderTask(Task):
         return torch.tensor(1 - found, dtype=torch.float64)
 
     def record(self) -> dict[str, Any]:
-        """The recipe, the vocabulary and fingerprints of the clips."""
+        """The configuration, the vocabulary and fingerprints of the clips."""
         data, validation = (digest([c.gesture, c.root]) for c in (self.clips, self.validation))
         return {
             "stage": self.name,

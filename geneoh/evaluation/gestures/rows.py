@@ -1,4 +1,4 @@
-"""Hands that a generator must beat, and those that networks make, on the bodies of real clips."""
+"""The rows of the table: baseline hands and generated hands on the bodies of real clips."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.gestures.clips import Gestures
 
-AT_ONCE = 16  # clips that are drawn together
+AT_ONCE = 16  # clips that are sampled together
 
 
 def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
@@ -29,16 +29,16 @@ def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
 
 
 def mean_pose(real: Gestures, training: Gestures) -> BodyMotion:
-    """Every body with the mean finger pose of the training clips, which never moves."""
+    """Every body with the constant mean finger pose of the training clips."""
     mean = training.pose[training.before_end][:, BODY_JOINTS:].mean(0)
     fingers = axis_angle_to_matrix(mean).expand(*real.pose.shape[:2], -1, -1, -1)
     return with_other_fingers(real.motion, fingers)
 
 
 def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) -> BodyMotion:
-    """Every body with the hands of the training clip whose body moves most alike.
+    """Every body with the hands of the training clip whose body motion is nearest.
 
-    `seen` are the bodies of both, of which all numbers count by their deviation.
+    `seen` are the encoder inputs of both; body features are divided by their standard deviation.
     """
     scale = seen[1].body.flatten(0, 1).std(0).clamp(min=1e-3)
     own, known = ((each.body / scale).flatten(1) for each in seen)
@@ -46,7 +46,7 @@ def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) ->
 
 
 def _hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> BodyMotion:
-    """The real bodies with the fingers of clips of the source."""
+    """The real bodies with the finger poses of clips `which` of `source`."""
     fingers = axis_angle_to_matrix(source.pose[which][:, :, BODY_JOINTS:])
     return with_other_fingers(real.motion, fingers)
 
@@ -61,7 +61,7 @@ def made_by_networks(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """What the networks make of the real bodies and a sentence each."""
+    """Hands that the networks generate for the real bodies with one sentence each."""
     config = Both2HandsSampling(steps=sampling_steps, branch=branch)
     parts = []
     for start in steps(range(0, len(sentences), AT_ONCE), on_step):

@@ -1,4 +1,4 @@
-"""Scoring a generator of hands on bodies and sentences that no training saw."""
+"""Scoring of a generator of hands on held-out bodies and sentences."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -40,42 +40,42 @@ from geneoh.training.loop import trained
 
 SHUFFLED = "shuffled hands"
 BRANCHES: dict[str, Branch] = {"body only": "body", "text only": "text", "blended": "blended"}
-FOLDER = "encoder"  # of the encoder, in that of the evaluation
+FOLDER = "encoder"  # subfolder of the encoder in the output folder
 
 
 @dataclass(frozen=True)
 class GestureOptions:
-    """Which clips a generator of hands is scored on, and how often."""
+    """Options of the evaluation of a generator of hands."""
 
     data: Path
     """Folder of shards of bodies, made by `geneoh synthesize --bodies`: the encoder is trained on
     its training clips; the conditions are its validation clips, of held-out bodies and ways of
     making gestures."""
-    limit: int = CLIPS  # most validation clips, spread over all of them
+    limit: int = CLIPS  # largest number of validation clips, spread over all of them
     weights: Path | None = None
-    """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
+    """Folder of weights from `geneoh train`; for networks that it lacks, shipped ones are used."""
     seed: int = 0
     repetitions: int = REPETITIONS
     steps: int = STEPS  # denoising steps
-    prompts: int = 16  # bodies and sentences for which several hands are made (multimodality)
-    answers: int = 6  # of these for each
+    prompts: int = 16  # conditions for which several hands are generated (multimodality)
+    answers: int = 6  # hands for each of these conditions
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """The real clips, a sentence of each, and what is learned from the training clips."""
+    """The real clips with one sentence each, the encoder and the range of finger joints."""
 
     real: Gestures
     sentences: list[str]
-    told: Float[Tensor, "B F"]
+    told: Float[Tensor, "B F"]  # features of the sentences
     model: GestureEncoder
-    fingers: FingerRange
+    fingers: FingerRange  # of the training clips
 
     def scored(
         self, motion: BodyMotion, several: Float[Tensor, "P S F"] | None = None
     ) -> ScoredHands:
-        """The scores of hands for these conditions."""
+        """The features and measures of hands for these conditions; see `score_hands`."""
         return score_hands(self.model, self.real, motion, self.told, self.fingers, several)
 
 
@@ -86,10 +86,10 @@ def evaluate_gestures(
     command: str = "",
     on_progress: OnProgress | None = None,
 ) -> GenerationReport:
-    """Score every row; the encoder is kept in a folder in `folder`, for the next time.
+    """Score every row; the encoder is kept in a subfolder of `folder` for later runs.
 
     Raises:
-        InputError: the data is not there, or no whole shards of bodies.
+        InputError: the data is missing, or holds no complete shards of bodies.
         CheckpointError: weights are missing, or the folder holds an encoder of other data.
     """
     training, held_out = (read_gestures(options.data, split) for split in ("train", "val"))
@@ -116,7 +116,7 @@ def evaluate_gestures(
 
 
 def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder) -> Conditions:
-    """Validation clips spread over all, with a random sentence each."""
+    """At most `options.limit` validation clips, evenly spread, with a random sentence each."""
     held_out = task.validation
     count = min(options.limit, len(held_out.body))
     real = held_out.take(spread(len(held_out.body), count), "B")
@@ -134,7 +134,7 @@ def network_row(
     options: GestureOptions,
     on_step: OnStep | None,
 ) -> ScoredHands:
-    """What the networks make, once of every condition and several times of some."""
+    """The row of the networks: one sample for every condition, and several for some."""
     generator = row_generator(options.seed, "both2hands")
     make: Callable[..., BodyMotion] = partial(
         made_by_networks, networks, branch=branch, sampling_steps=options.steps, generator=generator
@@ -149,7 +149,7 @@ def network_row(
 
 
 def _told_apart(real: ScoredHands, wrong: ScoredHands) -> float:
-    """Share of the sentences that are nearer to the real clip than to it with another's hands."""
+    """Share of sentences that are nearer to their real clip than to its body with wrong hands."""
     apart, other = ((each.told - each.features).norm(dim=-1) for each in (real, wrong))
     return float((apart < other).float().mean())
 
@@ -157,7 +157,7 @@ def _told_apart(real: ScoredHands, wrong: ScoredHands) -> float:
 def _settings_of(
     options: GestureOptions, task: EncoderTask, folder: Path, clips: int
 ) -> dict[str, Any]:
-    """What the scores depend on."""
+    """The settings on which the scores depend."""
     made = file_digest([folder / FOLDER / f"{task.name}.safetensors"])
     record = {name: value for name, value in task.record().items() if name != "tokenizer"}
     return {
@@ -173,7 +173,7 @@ def _settings_of(
 
 
 def _about_run(settings: dict[str, Any], apart: float) -> tuple[str, ...]:
-    """What a reader of the table must know."""
+    """Remarks below the table: on the clips, repetitions and the encoder."""
     encoder = settings["encoder"]
     chance = " / ".join(f"{100 * n / POOL:.1f}" for n in (1, 2, 3))
     return (

@@ -1,4 +1,4 @@
-"""Scores of hands on bodies: by the encoder of motions and sentences, and by how fingers move."""
+"""Scores of hands on bodies: by the encoder's features, and by the motion of the fingers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ MEASURES = (
 
 
 def range_of(clips: Gestures) -> FingerRange:
-    """The range of the finger joints of all clips."""
+    """The range of the finger joint rotations over all clips."""
     fingers = clips.pose[:, :, BODY_JOINTS:]
     return FingerRange(fingers.amin((0, 1)), fingers.amax((0, 1)))
 
@@ -40,7 +40,7 @@ def range_of(clips: Gestures) -> FingerRange:
 def share_beyond(
     fingers: FingerRange, motion: BodyMotion, counted: Bool[Tensor, "B T"]
 ) -> Float[Tensor, " B"]:
-    """Share of the joints of the counted frames that are beyond a range by more than `ALLOWED`."""
+    """Share of finger joints, in the counted frames, beyond a range by more than `ALLOWED`."""
     turned = matrix_to_axis_angle(motion.rotations[:, :, BODY_JOINTS:])
     return mean_of_counted((fingers.beyond(turned) > ALLOWED).float().mean(2), counted)
 
@@ -48,18 +48,18 @@ def share_beyond(
 def mean_of_counted(
     values: Float[Tensor, "B T"], counted: Bool[Tensor, "B T"]
 ) -> Float[Tensor, " B"]:
-    """Mean over the frames of each clip that count; zero where none does."""
+    """Mean over the counted frames of each clip; zero if there are none."""
     return (values * counted).sum(1) / counted.sum(1).clamp(min=1)
 
 
 @dataclass(frozen=True)
 class ScoredHands(ClipFeatures):
-    """What is known of each of B clips of a row."""
+    """Features and measures of B clips of a row."""
 
-    told: Float[Tensor, "B F"]  # features of the sentence that was asked for
-    acceleration_mm: Float[Tensor, " B"]
-    beyond: Float[Tensor, " B"]
-    several: Float[Tensor, "P S F"]  # features of S hands for each of P bodies and sentences
+    told: Float[Tensor, "B F"]  # features of the sentence of the condition
+    acceleration_mm: Float[Tensor, " B"]  # of finger joints, millimetres per frame squared
+    beyond: Float[Tensor, " B"]  # `share_beyond`
+    several: Float[Tensor, "P S F"]  # features of S samples for each of P conditions
 
 
 def score_hands(
@@ -70,9 +70,9 @@ def score_hands(
     fingers: FingerRange,
     several: Float[Tensor, "P S F"] | None = None,
 ) -> ScoredHands:
-    """Encode and measure every clip of a row; without `several` the row has one answer to each.
+    """Encode and measure every clip of a row; without `several` there is one sample per condition.
 
-    Frames behind the end of a real clip do not count: there real hands rest, and no others.
+    Frames after the end of a real clip are not counted: real hands rest there, others do not.
     """
     joints = pose(real.skeleton, motion).positions[:, :, BODY_JOINTS:]
     moved = per_frame_squared(acceleration(joints, FPS), FPS)
@@ -86,7 +86,7 @@ def score_hands(
 
 
 Score = Callable[[ScoredHands, ScoredHands, torch.Generator], float]
-"""A score of some clips, given other real ones, and what draws pools and pairs."""
+"""A score as a function of clips, other real clips, and a generator for random pools and pairs."""
 
 
 def _retrieved(count: int) -> Score:
@@ -96,10 +96,10 @@ def _retrieved(count: int) -> Score:
 
 
 def _several(part: ScoredHands, _: ScoredHands, drawn: torch.Generator) -> float:
-    """Distance of pairs of hands for one body and sentence; NaN where each has one answer.
+    """Multimodality: distance of pairs of samples for one condition; NaN with one sample each.
 
-    Of a random half of the bodies and sentences, as the other scores are of half of the clips: so
-    the deviation over repetitions tells of other ones, and not of other pairs alone.
+    It is computed on a random half of the conditions, as the other scores on half of the clips, so
+    that the deviation over repetitions reflects the choice of conditions, not only that of pairs.
     """
     count = len(part.several)
     some = part.several[torch.randperm(count, generator=drawn)[: (count + 1) // 2]]
@@ -118,4 +118,4 @@ SCORES: dict[str, Score] = {
     "acceleration_mm": lambda part, _, __: float(part.acceleration_mm.mean()),
     "beyond": lambda part, _, __: 100 * float(part.beyond.mean()),
 }
-"""How each measure of the table is made, by its key."""
+"""The function of each measure of the table, by its key."""

@@ -1,4 +1,4 @@
-"""Clips of one hand and its object: cut out of recordings, known by name, read when needed."""
+"""Test clips of one hand and its object, cut out of recordings, and read only when needed."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -23,36 +23,36 @@ from geneoh.sequence.windows import runs
 
 OBSERVED_SHARE = 0.5  # smallest share of a clip's frames in which its hand must have been observed
 FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
-"""Frames a second at which a protocol counts its frames; faster recordings are thinned out."""
+"""Frame rate in which a protocol counts its frames; faster recordings are subsampled to it."""
 
 CUT = re.compile(r"(_\d{5})?_(left|right)_\d{5}$")
-"""What `excerpts` adds to the name of a recording's file: first frames, and the hand."""
+"""What `excerpts` and readers add to the name of a recording's file: first frames, and the side."""
 
 
 @dataclass(frozen=True)
 class Clip:
-    """One hand with keypoints and its object over some frames: what is scored."""
+    """One hand with keypoints and its object over some frames, the unit that is scored."""
 
     name: str  # name of the clip in every table, with slashes where the data set has folders
     read: Callable[[], Sequence]
-    """Reads the clip: a function of a module with its arguments (`functools.partial`), so that a
-    clip is small and can be sent to another process."""
-    error: GeneOHError | None = None  # of a file out of which no clip can be cut
+    """Reads the clip. It is a `functools.partial` of a module's function, so that a clip is small
+    and can be sent to another process."""
+    error: GeneOHError | None = None  # why the file cannot be read, for `unreadable_clip`
 
 
 def unreadable_clip(name: str, error: GeneOHError) -> Clip:
-    """The clip that stands for a file out of which none can be cut; its scores say why."""
+    """A placeholder for a file that cannot be cut into clips; its scores hold the error."""
     return Clip(name, partial(_refuse, error), error)
 
 
 def _refuse(error: GeneOHError) -> Sequence:
-    """Raise the error of a file out of which no clip can be cut."""
+    """Raise the error of an unreadable clip."""
     raise error
 
 
 @lru_cache(maxsize=2)
 def recordings_of(source: str, file: SourceClip, known: ReaderOptions) -> tuple[Recording, ...]:
-    """What one file of a data set holds; kept for the next clips, which are often of this file."""
+    """The recordings in one file of a data set, cached because the next clip is often of it too."""
     return tuple(read_clip(source_named(source), file, known))
 
 
@@ -67,7 +67,7 @@ def excerpts(
 ) -> list[Clip]:
     """The clips of one hand of a recording: windows within each run of frames that are kept.
 
-    `kept` and `without` are booleans over its frames; a window with any of the latter is left out.
+    `kept` and `without` are masks over its frames; windows with any frame of `without` are dropped.
     """
     if side not in [hand.side for hand in recording.sequence.hands]:
         return []
@@ -87,15 +87,15 @@ def excerpts(
 
 
 def recording_of(clip: str) -> str:
-    """Name of the recording that a clip was cut out of; clips of one say less than as many alone.
+    """Name of the recording that a clip was cut out of, because its clips are not independent.
 
-    A clip that was not cut out of any is a recording of its own.
+    A clip that was not cut out of a recording counts as one.
     """
     return CUT.sub("", clip)
 
 
 def windows_in_run(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
-    """First and last frame (exclusive) of the windows in a run; none in one that is too short."""
+    """First and last frame (exclusive) of the windows in a run; none if the run is too short."""
     if frames < options.frames:
         return
     if options.windows == "whole":
@@ -110,7 +110,7 @@ def windows_in_run(frames: int, options: ProtocolOptions) -> Iterator[tuple[int,
 def read_excerpt(
     source: str, file: SourceClip, recording: str, side: Side, span: slice, known: ReaderOptions
 ) -> Sequence:
-    """One hand with keypoints and its object, from the data set's own files."""
+    """Read one hand with keypoints and its object from the files of a data set."""
     found = recordings_of(source, file, known)
     (whole,) = (each.sequence for each in found if each.name == recording)
     cut = stretch_of(replace(whole, hands=(whole.hand(side),)), span)
@@ -118,7 +118,7 @@ def read_excerpt(
 
 
 def with_keypoints(sequence: Sequence) -> Sequence:
-    """The sequence, with the keypoints of our mean hand where the source has none."""
+    """The sequence, with keypoints of geneoh's mean hand if the source has none."""
     (hand,) = sequence.hands
     if hand.joints is not None:
         return sequence
@@ -129,15 +129,15 @@ def with_keypoints(sequence: Sequence) -> Sequence:
 
 
 def first_frame(recording: Recording, file: SourceClip) -> int:
-    """Frame of the file at which a recording starts; its name tells."""
+    """Frame of the file at which a recording starts, parsed from its name."""
     return int(recording.name.removeprefix(file.name)[1:] or 0)
 
 
 def wrist_gap(hand: HandTrack, motion: ObjectTrack) -> Array:
-    """(T,) metres from the wrist to the nearest vertex of the object; NaN without a hand.
+    """Distance (T,) from the wrist to the object's nearest vertex, metres; NaN without a hand.
 
-    TOCH measures from the middle of the mesh's rim at the wrist. The wrist joint, which GeneOH
-    Diffusion (C.1) names, needs no mesh of the hand.
+    TOCH measures from the centre of the hand mesh's rim at the wrist. GeneOH Diffusion (C.1) uses
+    the wrist joint, which needs no mesh of the hand.
     """
     wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
     assert wrist is not None, "a hand without joints has a wrist"

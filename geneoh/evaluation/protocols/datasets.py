@@ -1,4 +1,4 @@
-"""The protocol of each data set: where a copy is found, which files are scored, how they are cut.
+"""The evaluation protocol of each data set: its location, test split, and how clips are cut.
 
 Source: GeneOH Diffusion, C.1 and Table 3, and for GRAB Zhou et al., TOCH, 2022.
 """
@@ -28,9 +28,9 @@ from geneoh.seeds import seed_of
 
 Item = TypeVar("Item")
 
-REACH = 0.15  # largest metres from the wrist to the object of a hand that is at it
+REACH = 0.15  # largest distance from the wrist to the object of a hand within reach, metres
 TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
-"""GRAB: objects that TOCH keeps out of training."""
+"""GRAB: objects of TOCH's test split."""
 START_FRAMES = {
     **{"Laptop": 120, "Pliers": 150, "Scissors": 50},
     **dict.fromkeys(("Bottle", "Bowl", "Chair", "Mug", "ToyCar", "Kettle"), 0),
@@ -45,23 +45,23 @@ class Protocol:
     """How the clips of a data set on disk are found."""
 
     source: str  # name of the reader
-    layout: str  # where the files are below the root, in words
-    folder: str  # of the files below the root
-    cut: Callable[[SourceClip, ProtocolOptions], Iterator[clips.Clip]]  # the clips of one file
-    scores: Callable[[SourceClip], bool] = lambda file: True  # which of the files
+    layout: str  # where the files are below the root, in words, for errors
+    folder: str  # folder of the files below the root
+    cut: Callable[[SourceClip, ProtocolOptions], Iterator[clips.Clip]]  # cuts a file into clips
+    scores: Callable[[SourceClip], bool] = lambda file: True  # whether a file is in the test split
 
     @property
     def variable(self) -> str:
-        """Environment variable that names a copy."""
+        """Environment variable that holds the root folder of the user's copy."""
         return f"GENEOH_DATA_{self.source.upper()}"
 
     def root(self, given: Path | None) -> Path | None:
-        """The folder that an option or the environment names."""
+        """The root folder from the option or else from the environment."""
         named = os.environ.get(self.variable)
         return given or (Path(named) if named else None)
 
     def files(self, given: Path | None) -> list[SourceClip]:
-        """The files of the user's copy that are scored; `MissingAssetError` where there is none."""
+        """The test files of the user's copy; `MissingAssetError` if there is no copy."""
         root, about = self.root(given), SOURCES[self.source]
         folder = None if root is None else root.resolve() / self.folder
         found = about.reader().find(folder) if folder and folder.exists() else []
@@ -76,9 +76,10 @@ class Protocol:
 
 
 def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
-    """Each hand in the frames in which it alone holds the object, its wrist within reach.
+    """Clips of each hand in frames in which the other hand does not touch the object.
 
-    Split and filters are TOCH's: runs of at least one window at 30 frames a second.
+    The wrist must be within reach. Split and filters are TOCH's: runs of at least one window at 30
+    frames a second.
     """
     contact = frames_of_touch(file)
     for recording in clips.recordings_of("grab", file, options.reader_options):
@@ -90,13 +91,13 @@ def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]
 
 
 def category_of(file: SourceClip) -> str | None:
-    """HOI4D: category of a sequence's object, by the part C of its name; None for another one."""
+    """HOI4D: category of a sequence's object, by the part C of its path; None if unknown."""
     number = file.path.parts[-5].removeprefix("C")
     return CATEGORIES.get(int(number)) if number.isdigit() else None
 
 
 def cut_hoi4d(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
-    """The first window at or after the category's first frame in which the object is known."""
+    """The first window from the category's first frame on, within frames with a known object."""
     category = category_of(file)
     start = START_FRAMES[category] if category and options.start_frames == "paper" else 0
     one = options if options.windows == "whole" else replace(options, windows="first")
@@ -108,7 +109,7 @@ def cut_hoi4d(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip
 
 
 def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
-    """Windows of the right hand; one with a single frame out of reach is left out."""
+    """Windows of the right hand in which the wrist is within reach in all frames."""
     reach = REACH if options.reach == "paper" else math.sqrt(REACH)
     for recording in clips.recordings_of("arctic", file, options.reader_options):
         every, far = np.ones(recording.sequence.frames, dtype=bool), None
@@ -121,10 +122,10 @@ def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Cli
 def _example(root: Path | None) -> clips.Clip | None:
     """TACO's example recording: 146 frames of a left hand with its object (CC BY 4.0).
 
-    Without `root` it is the installed one; None when `root` holds no example.
+    Without `root` it is the installed one; None if `root` holds no example.
     """
     package = Path(str(files("geneoh")))
-    # Installed it lies in the package; in a working copy beside it.
+    # An installation has it in the package, a working copy beside the package.
     places = (package / "examples", package.parent / "examples") if root is None else (root,)
     for folder in places:
         if (folder / TRACK).is_file() and (folder / MESH).is_file():
@@ -138,7 +139,7 @@ def _example(root: Path | None) -> clips.Clip | None:
 
 
 def cut_taco(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
-    """Windows of both hands, each with the object it holds and its wrist within reach."""
+    """Windows of both hands, each with the object it holds, in frames with the wrist in reach."""
     for recording in clips.recordings_of("taco", file, options.reader_options):
         (hand,) = recording.sequence.hands
         near = clips.wrist_gap(hand, recording.sequence.object) <= REACH
@@ -152,9 +153,9 @@ GRAB = Protocol(
 HOI4D_LAYOUT = "HOI4D_annotations, handpose/refinehandpose_right and HOI4D_CAD_Model_for_release"
 ARCTIC_LAYOUT = "raw_seqs/s01 and meta/object_vtemplates"
 TACO_LAYOUT = "Hand_Poses, Object_Poses and Object_Models"
-# The paper counts HOI4D's sequences but does not name them, so every one of its nine categories is
-# taken whose object is annotated and whose hand is mostly seen. Of ARCTIC it tests on subject s01;
-# for TACO it gives no protocol.
+# HOI4D: the paper gives the number of sequences but not their names, so all sequences of its nine
+# categories are used in which the object is annotated and the hand mostly observed. ARCTIC: the
+# paper tests on subject s01. TACO: the paper has no protocol.
 PROTOCOLS: dict[Dataset, Protocol] = {
     "grab": GRAB,
     "grab-beta": GRAB,
@@ -165,11 +166,11 @@ PROTOCOLS: dict[Dataset, Protocol] = {
     "arctic": Protocol("arctic", ARCTIC_LAYOUT, "raw_seqs/s01", cut_arctic),
     "taco": Protocol("taco", TACO_LAYOUT, "Hand_Poses", cut_taco),
 }
-"""Of every data set but `synthetic`."""
+"""The protocols of all data sets except `synthetic`."""
 
 
 def data_root(dataset: Dataset, root: Path | None) -> Path | None:
-    """The folder of the user's copy that an option or the environment names, if there is any."""
+    """The root folder of the user's copy, from the option or the environment; None without."""
     return PROTOCOLS[dataset].root(root) if dataset in PROTOCOLS else None
 
 
@@ -182,11 +183,11 @@ USES: dict[str, tuple[str, ...]] = {
     "start_frames": ("hoi4d",),
     "reach": ("arctic",),
 }
-"""Which data sets make use of a setting of how clips are cut."""
+"""The data sets that use a setting, by its name; other settings are not checked."""
 
 
 def _refuse_unused(name: str, options: ProtocolOptions) -> None:
-    """Raise `ConfigError` for a setting that clips of that name are not cut by."""
+    """`ConfigError` for a changed setting that has no effect on the data set `name`."""
     plain = ProtocolOptions()
     for setting, used_by in USES.items():
         if name not in used_by and getattr(options, setting) != getattr(plain, setting):
@@ -199,11 +200,11 @@ def _refuse_unused(name: str, options: ProtocolOptions) -> None:
 def clips_by_file(
     dataset: Dataset, root: Path | None, options: ProtocolOptions
 ) -> Iterator[list[clips.Clip]]:
-    """The clips of each file of a data set, in an order that mixes objects and people.
+    """The clips of each file of a data set, in a fixed random order that mixes objects and people.
 
-    The copy is looked for at once; its files are read one by one as they are asked for, and one
-    that cannot be read is a clip whose scores say why. `synthetic` and the example of `taco` need
-    none. `ConfigError` for settings that it makes no use of.
+    A missing copy is reported at once; files are read lazily, and one that cannot be read becomes
+    an `unreadable_clip`. `synthetic` and the example of `taco` need no copy. `ConfigError` for
+    settings that the data set does not use.
     """
     clip = _example(data_root(dataset, root)) if dataset == "taco" else None
     _refuse_unused("the example of taco" if clip else dataset, options)
@@ -217,7 +218,7 @@ def clips_by_file(
 
 
 def _clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) -> list[clips.Clip]:
-    """The clips of one file; a damaged file does not keep the others from being scored."""
+    """The clips of one file; a damaged file becomes an `unreadable_clip`."""
     try:
         return list(protocol.cut(file, options))
     except (InputError, MissingAssetError) as error:
@@ -227,8 +228,7 @@ def _clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) ->
 def spread_over_groups(groups: Iterable[Sequence[Item]], limit: int | None) -> list[Item]:
     """At most `limit` items: the first of each group, then the second of each, and so on.
 
-    The items of a smaller limit are among those of a larger one, and no more groups are asked for
-    than the limit needs.
+    A larger limit keeps all items of a smaller one. No more groups are read than necessary.
     """
     chosen: list[Item] = []
     rest: list[Sequence[Item]] = []

@@ -1,8 +1,8 @@
-"""The noise that the paper puts on each data set, and any other noise on a clip.
+"""Noise on test clips: the paper's noise of each data set, and the other kinds.
 
 The paper adds noise to MANO's parameters: translation, global axis-angle, and the coefficients of
-the first 24 pose components. The draws depend on the seed, the data set and the clip alone, so that
-order, limits and worker processes change nothing.
+the first 24 pose components. The noise depends only on the seed, the data set, the clip and the
+kind, so that order, limits and worker processes do not change it.
 """
 
 from collections.abc import Iterable
@@ -23,16 +23,16 @@ from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
 
 COMPONENTS = 24  # number of pose components of GRAB's hands, and of the paper's noise
-Law = Literal["gauss", "beta"]  # standard normal, or Beta(8, 2)
+Law = Literal["gauss", "beta"]  # distribution: standard normal, or Beta(8, 2)
 
 
 @dataclass(frozen=True)
 class PaperNoise:
     """Noise that is independent in every frame and parameter."""
 
-    law: Law  # distribution of the draws, which are multiplied by the sizes
-    sizes: Sizes  # `fingers`, drawn on components, is per coefficient and has no unit
-    translation_law: Law | None = None  # distribution for the translation, if it differs
+    law: Law
+    sizes: Sizes  # factors of the draws; on pose components, `fingers` has no unit
+    translation_law: Law | None = None  # distribution of the translation noise, if it differs
 
 
 PAPER: dict[tuple[Dataset, str], PaperNoise] = {
@@ -43,11 +43,11 @@ PAPER: dict[tuple[Dataset, str], PaperNoise] = {
     ("grab-beta", "code"): PaperNoise("beta", Sizes(0.01, 0.05, 0.4), translation_law="gauss"),
     ("arctic", "code"): PaperNoise("gauss", Sizes(0.001, 0.05, 0.3)),
 }
-"""By data set and origin: C.1 of the paper, or the data loaders of the released code."""
+"""Noise by data set and origin: C.1 of the paper, or the data loaders of the released code."""
 
 
 def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) -> None:
-    """Refuse a noise that cannot be drawn, before any clip is read."""
+    """Raise `ConfigError` or `MissingAssetError` for a noise that cannot be drawn."""
     if noise != "paper":
         return
     if (dataset, options.noise_sizes) not in PAPER:
@@ -83,7 +83,7 @@ def noisy_input(
     seed: int,
     options: ProtocolOptions,
 ) -> Sequence:
-    """The clip as a method gets to see it; the same for the same arguments."""
+    """The noisy clip, the input of every method; deterministic in the arguments."""
     if (object_noise := options.object_noise) is not None:
         generator = seeded_generator(object_noise, seed, dataset, clip)
         clean = corrupt_object(clean, object_noise, generator=generator)
@@ -104,7 +104,7 @@ def noisy_input(
 def draw_paper_noise(
     noise: PaperNoise, frames: int, side: Side, options: ProtocolOptions, generator: torch.Generator
 ) -> Float[Tensor, "T 51"]:
-    """Offsets of translation (metres), global rotation and 45 finger angles (radians)."""
+    """Noise on translation (metres), global rotation and 45 finger angles (radians)."""
     by_components = options.finger_noise == "components"
     fingers = COMPONENTS if by_components else 45
 

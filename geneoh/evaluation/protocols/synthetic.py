@@ -1,7 +1,7 @@
-"""Clips that need no file: synthetic interactions with object families that no training saw.
+"""Synthetic test clips, which need no file: interactions with object families not trained on.
 
-Each clip is drawn when it is read, from its number alone: a hand of the embedded model and a mesh
-of a held-out family, 30 frames a second.
+Each clip is generated when it is read, seeded by its number: a hand of the embedded model and a
+mesh of a held-out family, at 30 frames a second.
 """
 
 from functools import lru_cache, partial
@@ -28,11 +28,11 @@ from geneoh.synthesis.shapes.surface import mesh_of_solid
 
 COUNT = 100  # number of clips
 FPS = 30.0
-ATTEMPTS = 8  # grasps that are tried at a time; more than half pass the checks
+ATTEMPTS = 8  # grasps that are synthesized at a time; more than half pass the checks
 
 
 def find(options: ProtocolOptions) -> list[Clip]:
-    """Every clip, named by family and number; the held-out families take turns."""
+    """All clips, named by object family and number; they cycle through the held-out families."""
     names = list(islice(cycle(SynthesisConfig().held_out), COUNT))
     return [
         Clip(f"{family}_{index:05d}", partial(draw_clip, family, index, options.frames))
@@ -42,7 +42,7 @@ def find(options: ProtocolOptions) -> list[Clip]:
 
 @lru_cache(maxsize=2)
 def draw_clip(family: str, index: int, frames: int, scans: Scans | None = None) -> Sequence:
-    """An interaction of a right hand with one object of a family or scan; always the same."""
+    """A right hand with one object of a family or scan; deterministic in the arguments."""
     generator = seeded_generator("evaluation", index)
     betas = SynthesisConfig().shape_std * torch.randn(10, generator=generator)
     hand = load_hand("right").shaped(betas)
@@ -55,7 +55,7 @@ def draw_clip(family: str, index: int, frames: int, scans: Scans | None = None) 
 def right_hand(
     clips: Interactions, number: int, hand: ShapedHand, betas: Float[Tensor, " S"]
 ) -> HandTrack:
-    """The hand of one of several clips, of the shape that the betas give the embedded model."""
+    """The hand track of clip `number`; `hand` is the embedded model with the shape `betas`."""
     pose, wrist = clips.pose[number], clips.wrist[number]
     joints = hand.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
     known = {"joints": joints, "pose": pose, "wrist": wrist, "betas": betas}
@@ -64,7 +64,7 @@ def right_hand(
 
 
 def moving_object(clips: Interactions, number: int, solid: Solids) -> ObjectTrack:
-    """The object of one of several clips with its motion; `solid` is that object alone."""
+    """The object track of clip `number`; `solid` holds only its object."""
     parts = PARTS if bool(solid.jointed) else 1
     meshes = tuple(mesh_of_solid(solid.only(part)) for part in range(parts))
     rotation, translation = clips.rotation[number], clips.translation[number]
@@ -76,8 +76,8 @@ def draw_grasp(
 ) -> tuple[Grasps, Solids]:
     """One grasp that passes the checks of synthesis, and its object.
 
-    The checks measure spheres along the bones, and the mesh may sink in deeper than those: of
-    several grasps the one is taken whose mesh is least deep in the object.
+    The checks use spheres along the bones, and the mesh may penetrate deeper. Of the grasps that
+    pass, the one whose mesh has the smallest penetration depth is returned.
     """
     while True:
         solids = draw_objects([family] * ATTEMPTS, generator=generator, scans=scans)

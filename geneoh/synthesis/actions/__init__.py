@@ -1,1 +1,1 @@
-"""Clips that show a verb."""
+"""Synthetic clips in which hands perform a verb with an object."""

@@ -1,4 +1,4 @@
-"""From grasps to actions: one or two hands do with the object they hold what a verb says."""
+"""From grasps to actions: one or two hands perform a verb with the object that they hold."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ LASTING = 1000.0  # a time that lies outside of every action, frames
 
 @dataclass(frozen=True)
 class ActingConfig:
-    """How hands do what verbs say."""
+    """Settings of how hands perform verbs."""
 
     verbs: VerbConfig = field(default_factory=VerbConfig)
     hand: HandMotionConfig = field(
@@ -56,14 +56,14 @@ class ActingConfig:
     leave: float = 26.0  # frames after the release
     grip: float = 4.0  # frames from the closed hand to the first move, and from the last to release
     held: tuple[float, float] = (8.0, 24.0)  # range of frames in which a lifted object is held up
-    overlap: float = 0.003  # largest depth of two hands in each other on their ways, metres
-    offset: float = 3.0  # range of the frames between two hands that grasp together
-    left: float = 0.45  # share of the one-handed actions of the left hand
+    overlap: float = 0.003  # largest penetration of two hands into each other, metres
+    offset: float = 3.0  # largest delay between two hands that grasp together, frames
+    left: float = 0.45  # share of the actions that are mirrored, one-handed ones to the left hand
 
 
 @dataclass(frozen=True)
 class ActionTiming(Bundle):
-    """Times of N actions, in frames from their start; columns are of the first and second hand."""
+    """Times of N actions, in frames from their start; columns are first and second hand."""
 
     close: Float[Tensor, "N 2"]  # the hand has closed
     release: Float[Tensor, "N 2"]  # it starts to open
@@ -71,7 +71,7 @@ class ActionTiming(Bundle):
     length: Float[Tensor, " N"]
 
     def schedule(self, hand: int) -> Schedule:
-        """The events of one of the hands."""
+        """The schedule of the first (0) or second (1) hand."""
         never = torch.zeros(len(self.start), dtype=torch.bool)
         close, release = self.close[:, hand], self.release[:, hand]
         return Schedule(LONGEST, close, release, close, release, release, never, 1.0)
@@ -88,11 +88,11 @@ def act(
     generator: torch.Generator,
     pairs: HandPairs | None = None,
 ) -> Actions:
-    """An action for every grasp, or pair of grasps, that is possible on a table; those in which two
-    hands meet on their ways are left out.
+    """An action for every grasp, or pair of grasps, that is possible on a table; those whose hands
+    penetrate each other are left out.
 
-    `families` names the family or scan of each grasp's object; `numbers` is what it is called in
-    the result.
+    `families` names the family or scan of each grasp's object; `numbers` maps these names to
+    `Actions.name`.
     """
     config = config or ActingConfig()
     pairs = pairs or HandPairs.none(len(grasps.pose))
@@ -144,7 +144,7 @@ def act(
 def stood_on_table(
     points: Float[Tensor, "N P 3"],
 ) -> tuple[Float[Tensor, "N P 3"], Float[Tensor, "N 3"]]:
-    """Points of upright objects over the middle of the table, z up, and what they moved by."""
+    """Points of upright objects (z up) in the frame of `Actions`, and the offset subtracted."""
     ground = torch.cat([points[..., :2].mean(1), points[..., 2].amin(1, keepdim=True)], -1)
     return points - ground[:, None], ground
 
@@ -152,9 +152,9 @@ def stood_on_table(
 def motion_around(
     middle: Float[Tensor, "N 3"], path: Float[Tensor, "N T 7"]
 ) -> tuple[Float[Tensor, "N T 3 3"], Float[Tensor, "N T 3"], Float[Tensor, "N T"]]:
-    """Rotations and translations of objects that turn around their middle, and how far they open.
+    """Rotations, translations and opening of objects that turn about the point `middle`.
 
-    `path` holds the shift, metres, the turn, axis-angle, and the share that is open.
+    `path` holds the shift in metres, the turn as axis-angle, and the opening from 0 to 1.
     """
     shift, turn, opened = path.split([3, 3, 1], -1)
     rotation = axis_angle_to_matrix(turn)
@@ -165,7 +165,7 @@ def motion_around(
 def joint_values(
     verb: Int[Tensor, " N"], travel: Float[Tensor, "N 2"], opened: Float[Tensor, "N T"]
 ) -> Float[Tensor, "N T"]:
-    """Values of the joints, radians or metres, which move only where the verb opens or closes."""
+    """Joint states, radians or metres, which change only for the verbs "open" and "close"."""
     works = (verb == VERBS.index("open")) | (verb == VERBS.index("close"))
     travel = travel * works[:, None]
     return torch.lerp(travel[:, :1], travel[:, 1:], opened)
@@ -178,7 +178,7 @@ def _draw_timing(
     config: ActingConfig,
     draws: Draws,
 ) -> tuple[Moves, ActionTiming]:
-    """The moves of the objects and the times of the hands; long actions are made quicker."""
+    """Moves of objects and times of hands; actions beyond `LONGEST` frames are sped up."""
     moves = moves_of(verb, radius, config.verbs, draws)
     close = draws.uniform(config.reach, 1) + config.offset * draws.share(2)
     close = torch.where((verb == VERBS.index("put down"))[:, None], -LASTING, close)
@@ -197,7 +197,7 @@ def _timing(
     held: Float[Tensor, " N"],
     config: ActingConfig,
 ) -> ActionTiming:
-    """When hands close and open around the moves."""
+    """The times at which hands close before, and open after, the passed moves."""
     passed, lifted = (verb == VERBS.index(name) for name in ("pass", "lift"))
     last = torch.where(paired & ~passed, close.amax(1), close[:, 0])
     start = last.clamp(min=0) + config.grip
@@ -214,7 +214,7 @@ def _timing(
 
 
 def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
-    """How deep the two hands of each action are in each other at most, metres; 0 for one hand."""
+    """Largest penetration between the two hands of each action, metres; 0 for one hand."""
     deepest = torch.zeros(len(actions.verb))
     (two,) = torch.nonzero(actions.hands.all(1), as_tuple=True)
     if len(two):
@@ -234,11 +234,11 @@ def hand_paths(
     config: ActingConfig,
     draws: Draws,
 ) -> tuple[HandPath, HandPath]:
-    """The left and the right hands of actions, in the frame of their object, whose parts are moved
-    as `moving` says; the ways of hands lead through no object where a draw finds such a way.
+    """Left and right hands of actions in the frame of their object, whose parts move as in
+    `moving`. Motions avoid the object (see `clear_ways`).
 
-    The first hand holds the object's second part where `second_part`. Where there is no second
-    hand, the left one is without meaning.
+    The first hand, which becomes the right one, holds the object's second part where `second_part`.
+    Without a second hand the left one is meaningless.
     """
     first = grasps.take(setup.first, "B")
     drawn = hand_ways(first, setup.standing, timing.schedule(0), config, draws)
@@ -260,7 +260,7 @@ def hand_paths(
     )
 
     def mirrored(clips: Int[Tensor, " C"]) -> HandPath:
-        """Second hands, which are right ones on the mirrored object, as left ones on the object."""
+        """Second hands, which are drawn as right hands on the mirrored object, as left hands."""
         return others(clips).mirrored().moved(pairs.image[clips, None], torch.zeros(1, 1, 3))
 
     left = clear_ways(
@@ -276,8 +276,8 @@ def hand_ways(
     config: ActingConfig,
     draws: Draws,
 ) -> Callable[[Int[Tensor, " C"]], HandPath]:
-    """A function that draws, for the hands of the given numbers, how they come, hold their grasp
-    and leave, in the frame of what they hold.
+    """A function that draws random motions for hands by index: they approach, hold their grasp and
+    leave, in the frame of the part that they hold.
     """
     every = torch.ones(len(standing), dtype=torch.bool)
     held = grip_motion(grasps, None, schedule, every, config.hand, draws)

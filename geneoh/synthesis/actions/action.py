@@ -1,4 +1,4 @@
-"""Actions: interactions of one or two hands that do what a verb says, with the verb told."""
+"""Actions: interactions of one or two hands, labelled with the verb that they perform."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -19,7 +19,7 @@ NEAR = 0.02
 FPS = 30.0
 """Frames a second of all actions."""
 DECIMETRES = 10.0
-"""In a metre."""
+"""Decimetres per metre."""
 LONGEST = 150
 """Most frames of an action (paper: 5 s)."""
 
@@ -46,15 +46,15 @@ class Actions(Bundle):
     """B actions of at most T frames in the world frame, whose z axis points up, at 30 frames a
     second.
 
-    Every object stands as its own frame has it: z up, its lowest point at z = 0 and the middle of
-    its surface points above the origin, so that a pose of no rotation and no translation puts it
-    upright on the table. Hands are of the mean shape. Frames from `length` on repeat the last one;
-    a hand that takes no part is zero.
+    The object's frame has z up, the object's lowest point at z = 0 and the mean of its surface
+    points above the origin, so that the identity pose puts it upright on the table. Hands are of
+    the mean shape. Frames from `length` on repeat the last one; pose and wrist of an absent hand
+    are zero.
     """
 
     verb: Int[Tensor, " B"]
     name: Int[Tensor, " B"]
-    """Which object: an index into the families and scanned objects of the record."""
+    """Index of the object in the families and scanned objects of the shard."""
     hands: Bool[Tensor, "B 2"]  # whether the left, and whether the right hand takes part
     length: Int[Tensor, " B"]
     pose: Float[Tensor, "B 2 T 16 3"]  # left, then right; each in its own side's MANO axes
@@ -71,8 +71,8 @@ class Actions(Bundle):
 
     @property
     def joint_units(self) -> Float[Tensor, "B 1"]:
-        """What states of the joint are multiplied with before a network reads them: slides are told
-        in decimetres, because in metres they are much smaller than turns in radians.
+        """Factor on states of the joint before a network reads them: slides are scaled to
+        decimetres, because in metres they are much smaller than turns in radians.
         """
         return torch.where(self.slides, DECIMETRES, 1.0)[:, None]
 
@@ -86,7 +86,7 @@ class Actions(Bundle):
         return joint_poses(self.joint, self.axis, self.pivot, self.slides)
 
     def part_poses(self) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
-        """Rotation and translation of both parts, object to world; alike for a rigid one."""
+        """Rotation and translation of both parts, object to world; equal for a rigid object."""
         return part_poses(Rigid(self.rotation, self.translation), Rigid(*self.joint_poses()))
 
     def posed_points(self) -> Float[Tensor, "B T P 3"]:
@@ -102,7 +102,7 @@ class Actions(Bundle):
         return torch.where(moved, turned, self.normals[:, None])
 
     def keypoints(self) -> Float[Tensor, "B 2 T 21 3"]:
-        """Keypoints of the left and the right hand in the world; of absent ones without meaning."""
+        """Keypoints of left and right hand in the world frame; meaningless for an absent hand."""
         sides = [
             forward_kinematics(
                 axis_angle_to_matrix(self.pose[:, number]),
@@ -131,7 +131,7 @@ class Actions(Bundle):
         )
 
     def mirrored(self, chosen: Bool[Tensor, " B"] | None = None) -> "Actions":
-        """The mirror images at x = 0, in which left hands are right ones, of the chosen actions."""
+        """The actions, of which those `chosen` (None: all) are mirrored at x = 0, left to right."""
         flip = torch.ones_like(self.slides) if chosen is None else chosen
         image = replace(
             self,

@@ -1,4 +1,4 @@
-"""Which hands act together on an object, how it stands on the table, and what they can do."""
+"""Which hands act together on an object, how it stands on the table, and the possible verbs."""
 
 import math
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ CONTAINERS = ("mug", "bottle", "bowl", "kettle", "wine_glass", "pan", "spray")
 CONTAINER_WORDS = ("mug", "cup", "can", "bottle", "bowl", "cleanser", "skillet")
 """Last words of the names of scanned objects that things are poured from."""
 LYING = ("hammer", "pen", "screwdriver", "capsule")
-"""Families along their z axis that lie on the table; the others stand with z up."""
+"""Families that are long along z and lie on the table; the others stand with z up."""
 ANY_SIDE = ("box", "carton", "cylinder", "ellipsoid", "cluster", "ball")
 """Families that stand on any side."""
 UPWARD = torch.cat([torch.eye(3), -torch.eye(3)])
@@ -41,11 +41,11 @@ UPRIGHT = axis_angle_to_matrix(
         ]
     )
 )
-"""The rotation by which each of them does."""
+"""For each axis in `UPWARD` the rotation that turns it to +z."""
 IMAGES = axis_angle_to_matrix(math.pi * torch.tensor([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]]))
-"""Rotations by which the mirror at x = 0 becomes the one at x = 0, y = 0 and z = 0."""
+"""Rotations that, applied after a reflection at x = 0, make it one at x = 0, y = 0 or z = 0."""
 RARE = {"pour": 3.0}
-"""Weight of verbs that few objects allow, against 1 of the others that an object allows."""
+"""Sampling weight of verbs that few objects allow; all others have weight 1."""
 
 
 @dataclass(frozen=True)
@@ -53,33 +53,34 @@ class SetupConfig:
     """Which hands act together, and when an object can stand below them."""
 
     image_share: float = 1.0
-    """Of the hands that are alone on an object with a plane of symmetry, the share whose mirror
-    image is the other hand."""
+    """Of the single hands on an object with a plane of symmetry, the share that gets its own mirror
+    image as second hand."""
     symmetric: float = 0.003  # largest distance of the mirrored surface from the surface, metres
     gap: float = 0.03  # least distance between keypoints of a hand and its image, metres
     under_table: float = 0.012
-    """How deep keypoints may be under the table in the grasp, metres: fingers reach under edges."""
+    """How far keypoints may be below the table in the grasp, metres: fingers reach under edges."""
     under_table_both: float = 0.035  # the same for two hands on one object
     parts: ObjectMotionConfig = field(
         default_factory=lambda: ObjectMotionConfig(touch=0.013, skin=0.006)
     )
     """Which part of an object counts as held, and how near the other part may come to the hand."""
     joint_travel: float = 0.03
-    """Least travel of a joint that is opened or closed, radians or metres."""
+    """Least travel of a joint that can be opened and closed, radians or metres."""
     both: float = 0.7
-    """Of the pairs of hands on one object, the share that moves it together; others pass it."""
+    """Of the pairs of hands on one object, the share that moves it together; in the other pairs the
+    first hand passes it to the second."""
 
 
 @dataclass(frozen=True)
 class ActionSetup(Bundle):
-    """N actions among H hands: which hands hold which object, and how it stands."""
+    """N possible actions of H hands: one or two hands on an object that stands on a table."""
 
-    first: Int[Tensor, " N"]  # the hand that holds the object, as a right hand
-    second: Int[Tensor, " N"]  # the other hand, right on the mirrored object; -1 for none
+    first: Int[Tensor, " N"]  # index of the hand that holds the object, as a right hand
+    second: Int[Tensor, " N"]  # index of the other, a right hand on the mirrored object; or -1
     image: Float[Tensor, "N 3 3"]
-    """Rotation of the mirror image of that hand: by it a mirror at x = 0 becomes another one."""
+    """Rotation of the second hand after its reflection at x = 0, one of `IMAGES`."""
     standing: Float[Tensor, "N 3 3"]  # rotation from the object's own frame to the upright one
-    possible: Bool[Tensor, "N V"]  # which verbs it can do
+    possible: Bool[Tensor, "N V"]  # which of `VERBS` can be done
 
     @property
     def paired(self) -> Bool[Tensor, " N"]:
@@ -98,7 +99,7 @@ def draw_setups(
     config: SetupConfig,
     generator: torch.Generator,
 ) -> ActionSetup:
-    """Hands whose object can stand on a table below them, and that can do something with it."""
+    """Setups whose object can stand on a table below the hands, and that allow a verb."""
     first, second, image = _second_hands(joints, surface, pairs, solids, config, generator)
     mirrored = mirror_points(joints[second]) @ image.mT
     other = torch.where((second >= 0)[:, None, None], mirrored, joints[first])
@@ -124,10 +125,10 @@ def _second_hands(
     config: SetupConfig,
     generator: torch.Generator,
 ) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"], Float[Tensor, "N 3 3"]]:
-    """First hands, second hands (-1 for none), and the rotation of the second ones' images.
+    """First hands, second hands (-1 for none), and the `ActionSetup.image` of the latter.
 
-    A second hand is one that was found for the object or, on a symmetric object, the mirror image
-    of the first one.
+    A second hand has a grasp of its own or, on a symmetric object, is the mirror image of the first
+    hand.
     """
     first = torch.nonzero(~pairs.second)[:, 0]
     second = torch.full((len(joints),), -1)
@@ -168,7 +169,7 @@ def _possible(
     config: SetupConfig,
     draws: Draws,
 ) -> Bool[Tensor, "N V"]:
-    """Which verbs each first hand can do with its object, a second hand helping where there is one.
+    """Which verbs each first hand can do with its object, together with its second hand if any.
 
     A flat hand on top presses; a hand on the part that a joint moves opens and closes it; what two
     hands hold is passed or moved by both.
@@ -191,6 +192,6 @@ def is_container(family: str) -> bool:
 
 
 def draw_verb(possible: Bool[Tensor, "N V"], draws: Draws) -> Int[Tensor, " N"]:
-    """One of the possible verbs each, by weight."""
+    """A random possible verb for each setup, weighted by `RARE`."""
     weight = possible * torch.tensor([RARE.get(name, 1.0) for name in VERBS])
     return (weight / -draws.share(len(VERBS)).clamp(min=1e-9).log()).argmax(1)

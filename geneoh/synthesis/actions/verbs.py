@@ -1,7 +1,7 @@
-"""What an object does when a hand does what a verb says: moves between poses of rest.
+"""Motion of the object for each verb: a sequence of moves between poses of rest.
 
-A move goes to a pose relative to the one in which the object stands on the table, with a
-minimum-jerk profile. Turns are about the middle of the object. Lengths in metres, times in frames.
+End poses are relative to the object's pose on the table; between them moves have a minimum-jerk
+profile. Turns are about the middle of the object. Lengths in metres, times in frames.
 """
 
 import math
@@ -19,12 +19,12 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
 MOVES = 10  # most moves of an action
-WIDTHS = [1, 3, 3, 1, 1]  # numbers of each part of a `Move`
+WIDTHS = [1, 3, 3, 1, 1]  # number of values of each field of `Move`
 
 
 @dataclass(frozen=True)
 class VerbConfig:
-    """How far, how fast and how often objects move; ranges are of one draw per action."""
+    """How far and how fast objects move; each range is drawn from once or more per action."""
 
     move: tuple[float, float] = (18.0, 28.0)  # frames of a move up, down, or of a turn
     way: tuple[float, float] = (26.0, 42.0)  # frames of a way over or along the table
@@ -33,26 +33,26 @@ class VerbConfig:
     carried: tuple[float, float] = (0.2, 0.45)  # length of a way through the air
     slid: tuple[float, float] = (0.1, 0.3)  # length of a way along the table
     rotated: tuple[float, float] = (0.9, 2.4)  # turn about the vertical, radians
-    tilted: tuple[float, float] = (0.4, 0.9)  # tilt of what is not poured from, radians
-    poured: tuple[float, float] = (1.4, 2.1)  # tilt of what is poured from, radians
-    inspected: tuple[float, float] = (0.6, 1.3)  # turn of what is looked at from two sides, radians
-    shaken: tuple[float, float] = (0.03, 0.08)  # way of a shake to one side
-    shake: tuple[float, float] = (4.0, 6.5)  # frames of it
+    tilted: tuple[float, float] = (0.4, 0.9)  # tilt of an object that is tilted, radians
+    poured: tuple[float, float] = (1.4, 2.1)  # tilt of an object that is poured from, radians
+    inspected: tuple[float, float] = (0.6, 1.3)  # each of two turns of an inspected object, radians
+    shaken: tuple[float, float] = (0.03, 0.08)  # amplitude of a shake
+    shake: tuple[float, float] = (4.0, 6.5)  # frames from one side to the other
     pressed: tuple[float, float] = (8.0, 24.0)  # frames for which a hand presses
-    handed: float = 20.0  # frames in which both hands have what is passed
+    handed: float = 20.0  # frames of rest in which the object changes hands
 
 
 @dataclass(frozen=True)
 class Moves(Bundle):
-    """K moves of B objects, one after the other, each from where the one before ended.
+    """K consecutive moves of B objects, each from the end pose of the previous one.
 
-    The first is where the object is at the start; it takes no time.
+    The first one takes no time: its end is the pose at the start.
     """
 
-    frames: Float[Tensor, "B K"]  # how long each takes
+    frames: Float[Tensor, "B K"]  # duration of each move
     rest: Float[Tensor, "B K"]  # frames of rest before it
-    shift: Float[Tensor, "B K 3"]  # where it ends
-    turn: Float[Tensor, "B K 3"]  # axis-angle of the end, radians
+    shift: Float[Tensor, "B K 3"]  # translation at the end
+    turn: Float[Tensor, "B K 3"]  # rotation at the end, axis-angle, radians
     joint: Float[Tensor, "B K"]  # state of the joint at the end, from 0 (closed) to 1 (open)
 
     @property
@@ -61,7 +61,7 @@ class Moves(Bundle):
         return (self.frames + self.rest).sum(1)
 
     def quicker(self, factor: Float[Tensor, " B"]) -> "Moves":
-        """The same moves in another time."""
+        """The same moves with all times multiplied by `factor`."""
         factor = factor[:, None]
         return replace(self, frames=self.frames * factor, rest=self.rest * factor)
 
@@ -76,7 +76,7 @@ class Moves(Bundle):
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Random numbers and sizes that the verbs share."""
+    """Settings, random numbers and object sizes from which the moves of verbs are drawn."""
 
     config: VerbConfig
     draws: Draws
@@ -86,7 +86,7 @@ class _Drawn:
         return self.draws.uniform(getattr(self.config, name))
 
     def up(self, clear: bool = False) -> Float[Tensor, "B 3"]:
-        """A place over the table, with room to turn over where that is asked for."""
+        """A random height over the table; with `clear` the object can turn over there."""
         height = self.range("height") + (self.radius if clear else 0.0)
         return height[:, None] * torch.eye(3)[2]
 
@@ -101,10 +101,10 @@ class _Drawn:
 
 
 class Move(NamedTuple):
-    """One move of B objects; numbers are for all of them."""
+    """One move of B objects, as in `Moves`; a plain number applies to all of them."""
 
     frames: Tensor | float = 0.0
-    shift: Tensor | float = 0.0  # where it ends, from where the object stands on the table
+    shift: Tensor | float = 0.0  # translation at the end, from the pose on the table
     turn: Tensor | float = 0.0
     joint: float = 0.0
     rest: Tensor | float = 0.0  # frames before it
@@ -195,7 +195,7 @@ SCRIPTS: dict[str, Callable[[_Drawn], list[Move]]] = {
 def moves_of(
     verb: Int[Tensor, " B"], radius: Float[Tensor, " B"], config: VerbConfig, draws: Draws
 ) -> Moves:
-    """The moves of each object by its verb; those that are left over rest where the last ended."""
+    """The moves of each object by its verb, padded with moves that stay at the last pose."""
     drawn = _Drawn(config, draws, radius)
     every = [_packed(SCRIPTS[name](drawn), len(verb)) for name in VERBS]
     chosen = torch.stack(every)[verb, torch.arange(len(verb))]

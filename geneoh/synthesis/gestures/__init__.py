@@ -1,1 +1,1 @@
-"""Made bodies that gesture with their hands, with sentences, from which BOTH2Hands is learned."""
+"""Synthetic bodies that gesture with their hands, with sentences: training data of BOTH2Hands."""

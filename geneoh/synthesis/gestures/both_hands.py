@@ -1,4 +1,4 @@
-"""What either hand of a clip does, and how both hands move in it."""
+"""The roles of both hands in a clip, and their motion."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ from geneoh.synthesis.gestures.variation import (
 
 @dataclass(frozen=True)
 class Role:
-    """What one hand does."""
+    """What one hand does: a variant of a gesture, or rest."""
 
     name: str
     variant: int = -1
@@ -42,7 +42,7 @@ class Role:
 
     @property
     def doing(self) -> Doing:
-        """What is said of it."""
+        """Phrases that describe it."""
         if self.gesture is None:
             return Doing(REST_SAYS, rests=True)
         return Doing(self.gesture.says)
@@ -64,7 +64,7 @@ class Roles:
 
     @property
     def doings(self) -> tuple[Doing, Doing]:
-        """What is said of the left and the right hand together; equal for one gesture."""
+        """Phrases for the left and for the right hand; equal where they make one gesture."""
         if self.pair is not None:
             return Doing(self.pair.says), Doing(self.pair.says)
         return self.left.doing, self.right.doing
@@ -72,18 +72,18 @@ class Roles:
 
 @dataclass(frozen=True)
 class TwoHands(Bundle):
-    """Both hands of a clip, each seen from its shoulder in the body's axes; left, then right."""
+    """Both hands of a clip, relative to their shoulders in the body's axes; left, then right."""
 
-    place: Float[Tensor, "*B T 2 3"]  # metres of an arm of the embedded skeleton
+    place: Float[Tensor, "*B T 2 3"]  # metres, for the arm length of the embedded skeleton
     turn: Float[Tensor, "*B T 2 3 3"]
     fingers: Float[Tensor, "*B T 2 15 3"]
     active: Float[Tensor, "*B T 2"]  # 0 at rest, 1 in the gesture
-    stroke: Float[Tensor, "*B T 2"]  # 0 to 1 of the way to the other end
+    stroke: Float[Tensor, "*B T 2"]  # 0 at the start of a stroke, 1 at its other end
     swivel: Float[Tensor, "*B T 2"]  # of the elbow, radians
 
 
 def draw_roles(variants: Sequence[tuple[str, int]], shares: GestureShares, draws: Draws) -> Roles:
-    """Random roles of two hands; `variants` are the gestures' that there are."""
+    """Random roles of two hands; `variants` are pairs of a gesture's name and a variant."""
 
     def drawn(names: Collection[str]) -> Role:
         own = [each for each in variants if each[0] in names]
@@ -104,7 +104,7 @@ def draw_roles(variants: Sequence[tuple[str, int]], shares: GestureShares, draws
         return Roles(Role(REST), Role(REST))
     one = drawn(ONE_HANDED)
     other = drawn(ONE_HANDED) if bool(draws.chance(shares.both)) else Role(REST)
-    if one.name == other.name:  # the same at different times has no sentence
+    if one.name == other.name:  # no sentence describes one gesture at two different times
         other = Role(REST)
     return Roles(one, other) if bool(draws.chance(0.5)) else Roles(other, one)
 
@@ -116,7 +116,7 @@ def gesture_motions(
     settings: HandSettings,
     draws: Draws,
 ) -> TwoHands:
-    """The hands' motion; `swing` is how far forward each hand swings with its steps, metres."""
+    """The hands' motion; `swing` is how far forward each hand swings while walking, metres."""
     frames = len(swing)
     rest = _rest_name(roles, seated, draws)
     shared = Variation.drawn(draws, settings, 0.5)
@@ -143,7 +143,7 @@ def gesture_motions(
 
 
 def _rest_name(roles: Roles, seated: bool, draws: Draws) -> tuple[str, str]:
-    """Where the left and the right hand rest; two that are idle do so alike."""
+    """The names in `RESTS` of the left and the right hand; the same if they act together."""
     if seated:
         return "lap", "lap"
     places = ["side"] * 5 + ["belly", "hip"]
@@ -154,7 +154,7 @@ def _rest_name(roles: Roles, seated: bool, draws: Draws) -> tuple[str, str]:
 def _both(
     pair: PairGesture | None, hands: list[tuple[HandMotion, Tensor, Tensor, Tensor]], draws: Draws
 ) -> TwoHands:
-    """Both right hands, each with its activity, stroke and swivel, as a left and a right one."""
+    """One clip from two right hands with activity, stroke and swivel; the first is mirrored."""
     (left, right), *courses = zip(*hands, strict=True)
     active, course, swivel = (torch.stack(each, 1) for each in courses)
     place = mirror_points(left.place)

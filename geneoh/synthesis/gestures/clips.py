@@ -1,4 +1,4 @@
-"""Clips of bodies with hands and sentences, of which the generator BOTH2Hands is learned."""
+"""Clips of bodies with hands and sentences, the training data of the generator BOTH2Hands."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 REST = "rest"
 NAMES: tuple[str, ...] = (REST, *ONE_HANDED, *TWO_HANDED, *VERBS)
-"""What a hand does; `Gestures.gesture` is an index into it."""
+"""Rest, gestures and verbs of a hand; `Gestures.gesture` is an index here."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Gestures(Bundle):
 
     gesture: Int[Tensor, "B 2"]  # of the left and the right hand; two equal ones are made together
     variant: Int[Tensor, "B 2"]  # of the gesture; -1 where there is none
-    body: Int[Tensor, " B"]  # number of the proportions
+    body: Int[Tensor, " B"]  # index of the body's proportions
     length: Int[Tensor, " B"]
     root: Float[Tensor, "B T 3"]  # position of the pelvis, metres
     pose: Float[Tensor, "B T 52 3"]  # axis-angle of each joint in its parent's frame, radians
@@ -46,11 +46,11 @@ class Gestures(Bundle):
 
     @property
     def before_end(self) -> Bool[Tensor, "B T"]:
-        """Whether each frame is of its clip, and none that repeats the last."""
+        """Whether each frame is before the end of its clip; later ones repeat the last frame."""
         frames = torch.arange(self.root.shape[1], device=self.length.device)
         return frames < self.length[:, None]
 
     @property
     def skeleton(self) -> Skeleton:
-        """The body of each clip."""
+        """The skeleton of each clip."""
         return Skeleton(self.offsets)

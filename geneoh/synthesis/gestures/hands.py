@@ -20,21 +20,21 @@ from geneoh.synthesis.gestures.variation import GestureTiming, HandSettings, Var
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
 OUTWARD = (-1.0, 1.0, 1.0)
-"""From outward, upward, forward of the right hand to the body's x (to its left), y and z."""
+"""Signs from (outward, upward, forward) of the right hand to the body's x (to its left), y, z."""
 FLEXED = (0, 3, 6, 9)  # knuckles of index, middle, pinky and ring
 
 
 @dataclass(frozen=True)
 class HandMotion(Bundle):
-    """A right hand over T frames from its shoulder: x to the body's left, y up, z forward."""
+    """A right hand over T frames, relative to its shoulder: x to the body's left, y up, z ahead."""
 
-    place: Float[Tensor, "T 3"]  # of the wrist, metres of an arm of the embedded skeleton
-    turn: Float[Tensor, "T 3 3"]  # rotation of the wrist against the chest
+    place: Float[Tensor, "T 3"]  # of the wrist, metres, for the arm of the embedded skeleton
+    turn: Float[Tensor, "T 3 3"]  # rotation of the wrist relative to the chest
     fingers: Float[Tensor, "T 15 3"]
 
 
 def stroke(course: str, phase: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
-    """How far a stroke is on its way to the other end, from 0 to 1."""
+    """Position in a stroke, from 0 (start) to 1 (other end), by the number of strokes so far."""
     if course == "once":
         return minimum_jerk(phase / 0.35) - minimum_jerk((phase - 0.65) / 0.35)
     wave = 0.5 - 0.5 * torch.cos(2 * math.pi * phase.clamp(min=0))
@@ -49,12 +49,12 @@ def perform(
     settings: HandSettings,
     draws: Draws,
 ) -> HandMotion:
-    """A right hand that goes from its rest to the gesture, makes its strokes and goes back."""
+    """A right hand that moves from rest to the gesture, makes its strokes and returns."""
     frames = len(timing.phase)
     course = stroke(gesture.course, timing.phase)
     course = course * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
     if gesture.course == "strike":
-        course = course.clamp(max=1.0)  # a blow ends at what it meets
+        course = course.clamp(max=1.0)  # a blow ends at the surface that it hits
     first, last = (_place_of(each) for each in (gesture.start, gesture.end or gesture.start))
     place = first + variation.size * course[:, None] * (last - first) + variation.place
     place = place + settings.sway * draws.smooth(frames, 3, 14.0)[0]
@@ -63,7 +63,7 @@ def perform(
     bulge = settings.bulge * torch.sin(math.pi * active) * torch.tensor([0.0, 0.0, 1.0])
     place = rest.place + active * (place - rest.place) + bulge
     turn = _turn_against_forearm(gesture, variation, timing.active, course, rest)
-    fingers_active = _later(timing.active, -3)[:, None, None]  # a hand forms while it is moved
+    fingers_active = _later(timing.active, -3)[:, None, None]  # fingers lead by three frames
     return HandMotion(
         place,
         _forearm(place, gesture.swivel * timing.active) @ turn,
@@ -78,10 +78,10 @@ def _turn_against_forearm(
     course: Float[Tensor, " T"],
     rest: HandMotion,
 ) -> Float[Tensor, "T 3 3"]:
-    """The turn of a right hand against its forearm, from rest through the strokes of a gesture.
+    """Rotation of a right hand relative to its forearm, from rest through a gesture's strokes.
 
-    Turns are interpolated against the forearm: there no way between two of them leads through a
-    twist that no person makes.
+    Rotations are interpolated relative to the forearm, because interpolation relative to the chest
+    can pass through a twist that no wrist can make.
     """
     one, other = (
         against_forearm(turn_of(each), _place_of(each), gesture.swivel)
@@ -96,7 +96,7 @@ def _turn_against_forearm(
 def against_forearm(
     turn: Float[Tensor, "*B 3 3"], place: Float[Tensor, "*B 3"], swivel: float
 ) -> Float[Tensor, "*B 3 3"]:
-    """The turn of a right hand at a place against its forearm, from that against the chest."""
+    """Rotation of a right hand relative to its forearm, from that relative to the chest."""
     return _forearm(place, swivel).mT @ turn
 
 
@@ -114,7 +114,7 @@ def finger_course(
     settings: HandSettings,
     draws: Draws,
 ) -> Float[Tensor, "T 15 3"]:
-    """Fingers of a right hand in the gesture."""
+    """Axis-angle of a right hand's fingers during the gesture."""
     frames, phase = len(course), timing.phase
     start = shaped(gesture.start, variation)
     end = shaped(gesture.end or gesture.start, variation)
@@ -142,10 +142,10 @@ def finger_course(
 
 
 def taps(kind: str, phase: Float[Tensor, " T"], draws: Draws) -> Float[Tensor, "T 4"]:
-    """How far the knuckles of index, middle, pinky and ring are bent by taps, from 0 to 1.
+    """Bend of the knuckles of index, middle, pinky and ring by taps, from 0 to 1.
 
-    Fingers that ripple tap once in each stroke, the pinky first; others tap at a stroke's turn, or
-    not, at random.
+    With "ripple" each finger taps once per stroke, the pinky first; otherwise one or two random
+    fingers tap in the middle of each stroke.
     """
     order = torch.tensor([0.6, 0.4, 0.0, 0.2])
     if kind == "ripple":
@@ -161,7 +161,7 @@ def taps(kind: str, phase: Float[Tensor, " T"], draws: Draws) -> Float[Tensor, "
 def resting_hand(
     pose: HandPose, frames: int, swing: Float[Tensor, " T"], settings: HandSettings, draws: Draws
 ) -> HandMotion:
-    """A right hand at rest, which swings forward with the steps of a person who walks, metres."""
+    """A right hand at rest, which swings forward by `swing` (metres) while the person walks."""
     variation = Variation.drawn(draws, settings, 0.7)
     place = _place_of(pose) + variation.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
     turn = turn_of(pose) @ axis_angle_to_matrix(variation.turn)
@@ -178,7 +178,7 @@ def _place_of(pose: HandPose) -> Float[Tensor, " 3"]:
 
 
 def turn_of(pose: HandPose) -> Float[Tensor, "3 3"]:
-    """The rotation of a right wrist: fingers of a flat hand are along its -x, the palm its -y."""
+    """Rotation of a right wrist, in whose frame flat fingers are along -x and the palm faces -y."""
     along, palm = (torch.tensor(v) * torch.tensor(OUTWARD) for v in (pose.along, pose.palm))
     along = normalize(along, dim=0)
     palm = normalize(palm - (palm @ along) * along, dim=0)
@@ -193,7 +193,7 @@ def shaped(pose: HandPose, variation: Variation) -> Float[Tensor, "15 3"]:
 
 
 def _later(values: Float[Tensor, " T"], frames: int) -> Float[Tensor, " T"]:
-    """The values some frames later; the first and the last stay."""
+    """The values delayed by `frames` (advanced if negative), replicated at the ends."""
     at = (torch.arange(len(values)) - frames).clamp(0, len(values) - 1)
     return values[at]
 

@@ -1,4 +1,4 @@
-"""Bodies whose hands hold objects: arms that follow the wrists of made actions."""
+"""Bodies whose hands hold objects: arms that follow the wrists of synthetic actions."""
 
 import math
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from geneoh.synthesis.gestures.sentences import Doing
 from geneoh.synthesis.shards import find_shards
 
 Y_UP = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
-"""From the world of actions, whose z axis points up, to that of bodies."""
+"""Rotation from the world frame of actions (z up) to that of bodies (y up)."""
 IN_REACH = 0.02
-"""Metres by which a wrist may miss where the action has it."""
+"""Limit of the distance between a wrist and its place in the action, metres."""
 MOST_BEND = 1.75
-"""Turn of a wrist against the forearm that no person makes, radians."""
+"""Limit of the rotation of a wrist relative to its forearm, radians."""
 FOREARM = {"left": (-1.0, 0.0, 0.0), "right": (1.0, 0.0, 0.0)}
-"""Where the forearm is in a hand's own frame."""
+"""Direction from the wrist to the forearm in a hand's own frame."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class ActionSource:
     """Shards of actions that `geneoh synthesize --actions` made."""
 
     folder: Path
-    fingerprint: str  # what tells these shards from others
+    fingerprint: str  # hash of the shards' files
 
     @staticmethod
     def of(folder: Path) -> "ActionSource":
-        """The shards of a folder; `InputError` if it holds none of both splits."""
+        """The shards of a folder; `InputError` if it has none of a split."""
         splits = (find_shards(folder, split, DEFAULTS) for split in ("val", "train"))
         return ActionSource(folder, file_digest(path for paths in splits for path in paths))
 
@@ -57,10 +57,10 @@ class ActionSource:
 def manipulating(
     skeleton: Skeleton, body: BodyMotion, actions: Actions, *, generator: torch.Generator
 ) -> tuple[BodyMotion, Float[Tensor, " B"], Float[Tensor, " B"]]:
-    """The bodies with arms that do what the actions' hands do, in front of them.
+    """Bodies whose arms follow the hands of actions in front of them.
 
-    Hands that take no part follow `body`, whose arms are posed. Returns the motion, how far a wrist
-    is from its place at worst, metres, and the most that a wrist is bent, radians.
+    Hands that take no part move as in `body`. Returns the motion and, for each body, the largest
+    distance of a wrist from its place in metres and the largest bend of a wrist in radians.
     """
     rest = pose(skeleton, body)
     places, turns = _placed(actions, rest.positions, generator=generator)
@@ -81,15 +81,15 @@ def manipulating(
 def _placed(
     actions: Actions, body: Float[Tensor, "B T 52 3"], *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "B T 2 3"], Float[Tensor, "B T 2 3 3"]]:
-    """Wrists of the actions in the world of bodies: on a table in front of each, and turned so that
-    the forearms come from the body."""
+    """Wrist positions and rotations of the actions in the world frame of the bodies: in front of
+    each body, and turned about the vertical so that forearms point back to it."""
     to_world = torch.tensor(Y_UP)
     wrist = actions.wrist.transpose(1, 2) @ to_world.T
     turn = to_world @ axis_angle_to_matrix(actions.pose[:, :, :, 0]).transpose(1, 2)
     valid = (actions.valid[:, :, None] & actions.hands[:, None]).float()[..., None]
     forearm = (turn @ torch.tensor([FOREARM[side] for side in SIDES])[..., None])[..., 0]
     back = (forearm * valid).sum((1, 2))
-    # the mean forearm comes from behind, which is -z
+    # the heading that turns the mean forearm to -z, which is behind
     angle = math.pi - torch.atan2(back[:, 0], back[:, 2])
     heading = axis_angle_to_matrix(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
     wrist = (heading[:, None, None] @ wrist[..., None])[..., 0]
@@ -104,7 +104,7 @@ def _placed(
 
 
 def doings(actions: Actions, names: list[str], rest: Doing) -> list[tuple[Doing, Doing]]:
-    """What is said of the left and the right hand of each action."""
+    """Phrases for the left and the right hand of each action."""
     said = []
     for verb, name, hands in zip(actions.verb, actions.name, actions.hands.tolist(), strict=True):
         thing = with_article(noun_of(names[int(name)]))

@@ -244,4 +244,4 @@ ONE_HANDED: dict[str, Gesture] = {
 """What a hand does alone, while the other one does something else."""
 
 MIRRORED = ("wave", "clench", "raise fist", "stop", "thumb up", "offer", "show five", "beckon")
-"""Gestures of one hand that both at times make at once."""
+"""Gestures of one hand that both hands can also make at once, mirrored."""

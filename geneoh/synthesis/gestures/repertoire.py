@@ -1,8 +1,8 @@
-"""What the gestures of synthetic bodies are made of: where a hand goes, how it turns, its shape.
+"""Building blocks of the gestures of synthetic bodies: places, orientations and shapes of a hand.
 
-Places and directions are of the right hand and seen from its own shoulder: outward from the middle
-of the body, upward, forward; those of left hands are mirrored. Lengths are of an adult's arm of
-0.545 m from shoulder to wrist, and follow other arms.
+Places and directions are those of a right hand, relative to its shoulder: outward from the middle
+of the body, upward, forward; left hands are mirrored. Lengths are for an adult's arm of 0.545 m
+from shoulder to wrist, and are scaled to other arms.
 """
 
 from dataclasses import dataclass
@@ -17,46 +17,46 @@ Fingering = Literal["along", "grasp", "throw", "taps", "ripple", "steps"]
 
 @dataclass(frozen=True)
 class HandPose:
-    """Where a hand is, where it points and what it looks like."""
+    """Place, orientation and finger shape of a hand."""
 
     place: Vector  # of the wrist, metres
-    along: Vector  # where the fingers of a flat hand point
-    palm: Vector  # where the palm looks
+    along: Vector  # direction of the fingers of a flat hand
+    palm: Vector  # direction that the palm faces
     shape: str = "relaxed"
 
     def __post_init__(self) -> None:
-        """Find names of unknown shapes at once."""
+        """Refuse unknown shapes when the table is read, not when the gesture is drawn."""
         assert self.shape in SHAPES, f"no shape {self.shape}"
 
 
 @dataclass(frozen=True)
 class Gesture:
-    """What one hand does; `says` are English verbal phrases for it, the plainest first."""
+    """A gesture of one hand; `says` are English verb phrases for it, the plainest first."""
 
     says: tuple[str, ...]
     start: HandPose
     end: HandPose | None = None  # the other end of the stroke; None for a hand that stays
     course: Course = "still"
-    """Time of the stroke: to the end and back as a wave ("swing"), in short blows ("strike"), or
-    once, with a stay at the end."""
+    """Time course of strokes: to the end and back as a sine ("swing"), in short blows ("strike"),
+    or once, with a pause at the end ("once")."""
     period: tuple[float, float] = (2.0, 3.5)  # seconds of a stroke there and back
     fingers: Fingering = "along"
-    """Fingers go from the first shape to the second with the hand ("along"), close around what is
-    not there at the end and open after it ("grasp"), or hold and let go ("throw"); or they tap each
-    in its own time, ripple from the index to the pinky, or go through `steps`."""
-    steps: tuple[str, ...] = ()  # shapes one after the other, a stroke each
+    """Time course of the fingers: from the start's shape to the end's with the stroke ("along"),
+    closing around an imagined object and opening again ("grasp"), letting go ("throw"), tapping
+    ("taps"), tapping in turn from pinky to index ("ripple"), or through `steps` ("steps")."""
+    steps: tuple[str, ...] = ()  # shapes one after the other, one per stroke
     swivel: float = 0.0  # of the elbow outward from its relaxed place, radians
 
 
 @dataclass(frozen=True)
 class PairGesture(Gesture):
-    """What both hands do together, told of the right one; `says` is of both."""
+    """A gesture of both hands, given for the right hand; `says` describes both."""
 
     left: Gesture | None = None  # None where the left hand mirrors the right one
-    apart: float = 0.0  # of a stroke, by which the left hand is later
+    apart: float = 0.0  # phase of the left hand minus that of the right one, in strokes
     seated: float = 0.3  # share of the people who sit
-    cross: float = 0.0  # how far the left hand is lower, metres, where arms cross
-    touches: bool = False  # whether the palms meet, as they do in no variant that has them apart
+    cross: float = 0.0  # how much lower the left hand is, metres, so that arms cross
+    touches: bool = False  # whether the palms meet; variations then leave them together
 
 
 UP, FORWARD = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -84,11 +84,11 @@ REST_SAYS = (
 
 @dataclass(frozen=True)
 class GestureShares:
-    """How often bodies do what, as shares of all clips or of those that are left."""
+    """Probabilities of what bodies do."""
 
     together: float = 0.35  # both hands in one gesture
     mirrored: float = 0.07  # both hands in the same gesture of one hand
-    both: float = 0.25  # of the clips of none of these three: each hand in a gesture of its own
-    idle: float = 0.04  # of the clips that are not together or mirrored: both hands rest
+    both: float = 0.25  # of the other clips that are not idle: each hand makes its own gesture
+    idle: float = 0.04  # of the clips that are neither together nor mirrored: both hands rest
     walking: float = 0.15  # of the people who do not sit
-    seated: float = 0.25  # of the people whose gesture does not say
+    seated: float = 0.25  # of the people who make no `PairGesture`, which has a share of its own

@@ -12,14 +12,14 @@ from geneoh.language.wording import chance, misspelt, one_of
 _PEOPLE = ("someone", "a person", "the person", "she", "he", "a man", "a woman", "the speaker")
 _BOTH = ("both hands", "the hands", "both hands together", "the two hands", "her hands")
 JOINED = 4
-"""Sentences about both hands of a clip."""
+"""Number of sentences about both hands per clip."""
 MISSPELT = 0.08
-"""Share of these with a typing error."""
+"""Share of these, apart from the plain one, with a typing error."""
 
 
 @dataclass(frozen=True)
 class Doing:
-    """What a hand does, or both do together: phrases that mean it, and whether it is rest."""
+    """Phrases for what a hand does, or both do together, and whether that is rest."""
 
     says: Sequence[str]
     rests: bool = False
@@ -95,7 +95,7 @@ def _free(left: Doing, right: Doing, generator: torch.Generator) -> str:
 
 
 def _alone(side: Side, doing: Doing, generator: torch.Generator) -> str:
-    """What one hand does, where the other one does nothing worth a word."""
+    """A sentence about one hand that leaves out the other, resting one."""
     verb, hand = one_of(doing.says, generator), f"the {side} hand"
     return one_of(
         (
@@ -130,7 +130,7 @@ def _together(doing: Doing, generator: torch.Generator) -> str:
 
 
 def _written(sentence: str, generator: torch.Generator) -> str:
-    """With a capital and a full stop, or without."""
+    """The sentence with a capital and a full stop, or unchanged, at random."""
     return f"{sentence[0].upper()}{sentence[1:]}." if chance(0.6, generator) else sentence
 
 

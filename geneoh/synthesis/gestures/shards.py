@@ -26,33 +26,33 @@ TEXTS = ("left", "right", "joined")
 
 @dataclass(frozen=True)
 class GestureConfig(ShardConfig):
-    """What a data set of bodies with hands and sentences is made of."""
+    """Settings of a data set of bodies with hands and sentences."""
 
     kind: ClassVar[str] = "bodies"
     command: ClassVar[str] = "geneoh synthesize --bodies"
 
     count: int = 16384
     held_out: int = 2
-    """How many of the ten variants of each gesture validation shards alone have."""
+    """Number of the ten variants of each gesture that only validation shards show."""
     held_out_bodies: int = 40
-    """How many of the 400 bodies validation shards alone have."""
+    """Number of the 400 bodies that only validation shards show."""
     handling: float = 0.25
-    """Share of the clips with hands that hold an object, where there are actions."""
+    """Share of the clips with hands that hold an object, if actions are available."""
     body: BodyConfig = field(default_factory=BodyConfig)
 
     def __post_init__(self) -> None:
-        """Refuse sizes below one, and variants or bodies held out of which none or all are left."""
+        """Also refuse to hold out no or all variants, and no or all bodies."""
         super().__post_init__()
         check_limits(self, {"held_out": (1, VARIANTS - 1), "held_out_bodies": (1, BODIES - 1)})
 
     def families_of(self, index: int, scans: Any = None) -> list[str]:
-        """Variants of gestures, such as "wave 3", of the shard of this number."""
+        """Variants of gestures, such as "wave 3", that shard number `index` may show."""
         first = VARIANTS - self.held_out
         numbers = range(first, VARIANTS) if self.split_of(index) == "val" else range(first)
         return [f"{name} {n}" for name in (*ONE_HANDED, *TWO_HANDED) for n in numbers]
 
     def bodies(self, split: str) -> range:
-        """Numbers of the bodies of a split."""
+        """Indices of the bodies of a split."""
         first = BODIES - self.held_out_bodies
         return range(first, BODIES) if split == "val" else range(first)
 
@@ -67,7 +67,7 @@ def synthesize_gestures(
     generator: torch.Generator,
     scans: ActionSource | None = None,
 ) -> Gestures:
-    """`config.shard` clips of variants of gestures; some of actions, where there are any."""
+    """`config.shard` clips: variants of gestures, and actions from `scans` if there are any."""
     known = [(name, int(n)) for name, _, n in (each.rpartition(" ") for each in variants)]
     split = "val" if known[0][1] >= VARIANTS - config.held_out else "train"
     bodies = config.bodies(split)

@@ -16,33 +16,33 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motions.smoothing import smoothed_motion
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
-FEET_SMOOTHING = 2.5  # deviation in frames of the filter on the pelvis over stepping feet
+FEET_SMOOTHING = 2.5  # standard deviation of the Gaussian over the pelvis positions, frames
 BODIES = 400
-"""Bodies of different proportions; `Gestures.body` is one of their numbers."""
+"""Number of bodies of different proportions; `Gestures.body` is an index of one."""
 
 
 @dataclass(frozen=True)
 class StanceConfig:
     """How bodies differ and move; angles in radians."""
 
-    height: float = 0.06  # deviation of the logarithm of a body's size
-    proportion: float = 0.03  # of that of legs, trunk, arms and hands beside it
-    shoulders: float = 0.05  # of that of the shoulders' width
+    height: float = 0.06  # standard deviation of the log of a body's size
+    proportion: float = 0.03  # the same of legs, trunk, arms and hands each, in addition
+    shoulders: float = 0.05  # the same of the shoulders' width, in addition
     lean: tuple[float, float] = (-0.04, 0.14)  # range of the trunk's bend forward
-    sway: float = 0.018  # deviation of its slow motion
-    follow: float = 0.12  # turn of the trunk to the side of a hand that is active
-    gaze: float = 0.28  # turn of the head to it
-    nod: float = 0.05  # deviation of the head's own motion
-    stroke: float = 0.03  # what the trunk follows of a hand's strokes
-    drift: float = 0.12  # deviation of slow turns of the whole body
-    step: tuple[float, float] = (0.28, 0.42)  # range of a leg's swing to each side
-    cadence: tuple[float, float] = (0.75, 1.0)  # range of walking cycles a second
-    arm_swing: float = 0.3  # of a resting arm's swing to that of its leg, metres a radian
+    sway: float = 0.018  # standard deviation of the trunk's slow motion
+    follow: float = 0.12  # turn of the trunk to the side of an active hand
+    gaze: float = 0.28  # largest turn of the head to that side
+    nod: float = 0.05  # standard deviation of the head's own motion
+    stroke: float = 0.03  # bend of the trunk forward with the strokes of both hands
+    drift: float = 0.12  # standard deviation of slow turns of the whole body
+    step: tuple[float, float] = (0.28, 0.42)  # range of the amplitude of a leg's swing
+    cadence: tuple[float, float] = (0.75, 1.0)  # range of walking cycles per second
+    arm_swing: float = 0.3  # swing of a resting hand per swing of a leg, metres per radian
 
 
 @dataclass(frozen=True)
 class Gait:
-    """How B people hold themselves, and where they are in their steps, if they walk."""
+    """Whether B people sit, stand or walk, and the swing of their legs while they walk."""
 
     seated: Bool[Tensor, " B"]
     swing: Float[Tensor, "B T"]  # forward swing of the left leg, radians; zero without steps
@@ -50,7 +50,7 @@ class Gait:
 
     @property
     def walking(self) -> Bool[Tensor, " B"]:
-        """Who walks."""
+        """Whether each person walks."""
         return (self.rate != 0).any(1)
 
 
@@ -61,7 +61,7 @@ def draw_gait(
     config: StanceConfig,
     draws: Draws,
 ) -> Gait:
-    """Steps of those who walk."""
+    """Random gaits; a person who is `seated` does not walk."""
     walking = walking & ~seated
     cadence = draws.uniform(config.cadence, 1)
     time = torch.arange(frames) / FPS
@@ -72,7 +72,7 @@ def draw_gait(
 
 
 def body_skeletons(numbers: list[int], config: StanceConfig) -> Skeleton:
-    """The bodies of these numbers: the embedded one with other proportions."""
+    """The skeletons of bodies by their indices: the embedded one with other proportions."""
     return Skeleton(torch.stack([_body(number, config) for number in numbers]))
 
 
@@ -103,10 +103,10 @@ def standing_bodies(
     config: StanceConfig,
     draws: Draws,
 ) -> BodyMotion:
-    """Legs, trunk and head of people whose left and right hands are active; arms are left out.
+    """Bodies with legs, trunk and head that follow the activity of the hands; arms are not posed.
 
-    `active` is how far each hand is from its rest, left and right, and `strokes` how far it is in a
-    stroke, both from 0 to 1.
+    `active` (0 at rest, 1 in the gesture) and `strokes` (position in a stroke, 0 to 1) are of the
+    left and the right hand.
     """
     frames = active.shape[1]
     turned = torch.zeros(draws.batch, frames, len(BODY_PARENTS), 3)
@@ -145,7 +145,7 @@ def _pose_legs(turned: Float[Tensor, "B T 22 3"], gait: Gait, draws: Draws) -> N
 
 
 def _root(skeleton: Skeleton, motion: BodyMotion, gait: Gait) -> Float[Tensor, "B T 3"]:
-    """Where the pelvis is, so that the lower foot is on the ground and stays while it steps."""
+    """Pelvis positions that put the lower foot on the ground and keep it still during a step."""
     posed = pose(skeleton, motion).positions
     ankles = posed[:, :, [JOINT_NAMES.index(f"{side}_ankle") for side in ("left", "right")]]
     lowest = torch.where(gait.walking[:, None], ankles[..., 1].amin(2), ankles[..., 1].mean(2))

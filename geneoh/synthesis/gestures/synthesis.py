@@ -1,4 +1,4 @@
-"""Bodies whose arms bring the hands to where a gesture, or an interaction, has them."""
+"""Synthesis of clips: bodies whose arms reach for the hands of a gesture or an action."""
 
 from dataclasses import dataclass, field, replace
 
@@ -37,7 +37,7 @@ ARM = sum(
     float(embedded_skeleton().offsets[JOINT_NAMES.index(f"left_{name}")].norm())
     for name in ("elbow", "wrist")
 )
-"""From shoulder to wrist of the embedded skeleton, metres; places of hands are for this arm."""
+"""Arm length (shoulder to wrist) of the embedded skeleton, metres; hand places refer to it."""
 SHOULDERS = tuple(
     float(
         sum(
@@ -47,12 +47,12 @@ SHOULDERS = tuple(
     )
     for side in SIDES
 )
-"""Of the left and the right shoulder of the embedded skeleton from the middle, metres along x."""
+"""x of the left and the right shoulder of the embedded skeleton, from the middle, metres."""
 
 
 @dataclass(frozen=True)
 class BodyConfig:
-    """How bodies and hands move."""
+    """Settings of what bodies and hands do and how they move."""
 
     shares: GestureShares = field(default_factory=GestureShares)
     hands: HandSettings = field(default_factory=HandSettings)
@@ -67,7 +67,7 @@ def gesturing(
     *,
     generator: torch.Generator,
 ) -> Gestures:
-    """A clip of gestures of each of the bodies."""
+    """A clip of random gestures for each of the bodies."""
     one = Draws(1, generator)
     roles = [draw_roles(variants, config.shares, one) for _ in bodies]
     skeleton, motion = bodies_with_hands(roles, bodies, frames, config, generator)
@@ -88,7 +88,7 @@ def handling(
     *,
     generator: torch.Generator,
 ) -> Gestures:
-    """Bodies that do what the actions' hands do, as far as a body can: others are left out."""
+    """Bodies that perform actions; clips with wrists out of reach or bent too far are left out."""
     idle = [Roles(Role(REST), Role(REST))] * len(bodies)
     standing = replace(config, shares=replace(config.shares, walking=0.0))
     last = actions.length[:, None].clamp(max=frames) - 1
@@ -109,7 +109,7 @@ def bodies_with_hands(
     config: BodyConfig,
     generator: torch.Generator,
 ) -> tuple[Skeleton, BodyMotion]:
-    """Bodies whose hands do what their roles say."""
+    """Skeletons and motions of bodies whose hands play the passed roles."""
     one, draws = Draws(1, generator), Draws(len(bodies), generator)
     shares = (config.shares if each.pair is None else each.pair for each in roles)
     seated = torch.tensor([bool(one.chance(share.seated)) for share in shares])
@@ -131,7 +131,7 @@ def bodies_with_hands(
 def in_world(
     skeleton: Skeleton, body: BodyMotion, hands: TwoHands
 ) -> tuple[Float[Tensor, "B T 2 3"], Float[Tensor, "B T 2 3 3"]]:
-    """Places and rotations of the wrists, which are seen from the shoulders, in the world."""
+    """World positions and rotations of the wrists, from those relative to the shoulders."""
     posed, chest = pose(skeleton, body), JOINT_NAMES.index("spine3")
     offsets = {name: skeleton.offsets[:, number] for number, name in enumerate(JOINT_NAMES)}
     from_chest = []
@@ -139,7 +139,7 @@ def in_world(
         shoulder = offsets[f"{side}_collar"] + offsets[f"{side}_shoulder"]
         arm = offsets[f"{side}_elbow"].norm(dim=-1) + offsets[f"{side}_wrist"].norm(dim=-1)
         scaled = (arm / ARM)[:, None, None] * hands.place[:, :, index]
-        # a hand that comes inward gets to the middle of the body in people of any width
+        # inward offsets scale with the shoulders' width, so that hands meet in any body's middle
         sideways, out = shoulder[:, None, 0], hands.place[:, :, index, 0]
         inward = sideways * (1 + out / SHOULDERS[index])
         scaled[..., 0] = torch.where(out / SHOULDERS[index] < 0, inward - sideways, scaled[..., 0])
@@ -157,7 +157,7 @@ def with_sentences(
     said: list[tuple[Doing, Doing]],
     generator: torch.Generator,
 ) -> Gestures:
-    """Clips with labels (gestures, variants, bodies) and sentences that say what the hands do."""
+    """Clips with labels (gestures, variants, bodies) and sentences that describe the hands."""
     frames = torch.arange(motion.root.shape[1]).minimum(length[:, None] - 1)
     rows = torch.arange(len(length))[:, None]
     one = {

@@ -1,4 +1,4 @@
-"""How a gesture is made unlike other ones: settings, variants of it, and its timing."""
+"""Variation of gestures: settings, variants and timing."""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,43 +15,44 @@ from geneoh.synthesis.gestures.repertoire import Gesture
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
 VARIANTS = 10
-"""Ways of making each gesture, which differ in place, direction, size, tempo and shape."""
+"""Number of variants of each gesture; they differ in place, direction, size, tempo and shape."""
 
 
 @dataclass(frozen=True)
 class HandSettings:
-    """How much hands vary; deviations are those of variants, and half of it of single clips."""
+    """How much hands vary. `place` to `curl` are standard deviations between variants; a single
+    clip varies by half of them around its variant."""
 
-    place: float = 0.03  # of a place on each axis, metres
-    turn: float = 0.12  # of a hand's rotation on each axis, radians
+    place: float = 0.03  # of the wrist's place on each axis, metres
+    turn: float = 0.12  # of the hand's rotation on each axis, radians
     tempo: float = 0.15  # of the logarithm of the period
     size: float = 0.18  # of the logarithm of a stroke's length
     curl: float = 0.1  # of the logarithm of each finger's curl
-    early: float = 0.35  # share of the gestures that are under way when the clip begins
-    late: float = 0.45  # share of those that go on beyond its end
+    early: float = 0.35  # share of the gestures that have begun before the clip
+    late: float = 0.45  # share of those that continue beyond its end
     begin: tuple[float, float] = (0.1, 1.1)  # range of the time at which a hand sets out, seconds
-    end: tuple[float, float] = (3.7, 4.7)  # range of the time at which it goes back
-    way: tuple[float, float] = (0.5, 0.95)  # range of the time of the way there, and back
-    bulge: float = 0.07  # how far forward of a straight way hands go, metres
-    unsteady: float = 0.08  # deviation of the tempo and the size from stroke to stroke
-    sway: float = 0.006  # deviation of slow motion of the place, metres
-    tremble: float = 0.035  # deviation of the fingers' own motion, radians
+    end: tuple[float, float] = (3.7, 4.7)  # range of the time at which it returns, seconds
+    way: tuple[float, float] = (0.5, 0.95)  # range of the duration of either way, seconds
+    bulge: float = 0.07  # how far hands deviate forward from a straight way, metres
+    unsteady: float = 0.08  # standard deviation of the tempo and the size between strokes
+    sway: float = 0.006  # standard deviation of the slow drift of the place, metres
+    tremble: float = 0.035  # standard deviation of the fingers' tremor, radians
     together: float = 0.6
-    """Correlation of that between the four fingers; recorded free motion has 0.56 to 0.8."""
-    tap: float = 0.45  # how far a finger that taps bends at the knuckle, radians
+    """Correlation of the tremor between the four fingers; recorded free motion has 0.56 to 0.8."""
+    tap: float = 0.45  # bend of the knuckle of a tapping finger, radians
 
 
 @dataclass(frozen=True)
 class GestureTiming(Bundle):
-    """When a gesture happens, for the hands that make it together."""
+    """When a gesture happens; shared by hands that make it together."""
 
-    phase: Float[Tensor, " T"]  # strokes since it began; not above zero before
+    phase: Float[Tensor, " T"]  # number of strokes since it began; at most zero before
     active: Float[Tensor, " T"]  # from 0, at rest, to 1, in the gesture
 
 
 @dataclass(frozen=True)
 class Variation(Bundle):
-    """How a variant, or a single clip, makes a gesture unlike the others."""
+    """Offsets and factors by which a variant, or a single clip, of a gesture differs."""
 
     place: Float[Tensor, " 3"]
     turn: Float[Tensor, " 3"]
@@ -61,7 +62,7 @@ class Variation(Bundle):
 
     @staticmethod
     def drawn(draws: Draws, settings: HandSettings, share: float = 1.0) -> "Variation":
-        """Random, with a share of the deviations."""
+        """A random variation with the standard deviations of `settings`, scaled by `share`."""
         tempo, size = (share * draws.normal()[0]).item(), (share * draws.normal()[0]).item()
         return Variation(
             share * settings.place * draws.normal(3)[0],
@@ -72,7 +73,7 @@ class Variation(Bundle):
         )
 
     def with_palms_together(self) -> "Variation":
-        """The same without what moves the palms of both hands through each other or apart."""
+        """The same without components that push the palms through each other or apart."""
         sideways = torch.tensor([0.0, 1.0, 1.0])
         return replace(self, place=self.place * sideways, turn=0.2 * self.turn, size=1.0)
 
@@ -88,7 +89,7 @@ class Variation(Bundle):
 
 
 def variation_of(name: str, variant: int, settings: HandSettings) -> Variation:
-    """How a variant of a gesture is made: the same for every clip of it."""
+    """The variation of one variant of a gesture, the same in every clip."""
     generator = seeded_generator("variant", name, variant)
     return Variation.drawn(Draws(1, generator), settings)
 

@@ -16,17 +16,17 @@ class BimanualConfig:
     """How many second hands there are, and how they differ from the first."""
 
     share: float = 0.2
-    """Second hands that are tried, as a share of the first ones; many of them are not kept."""
-    gap: float = 0.025  # least distance between keypoints of two hands, metres: they have skin
-    bone_std: float = 0.005  # relative deviation of bone lengths between the two hands of a person
+    """Attempted second hands, as a share of the first ones; many of them are not kept."""
+    gap: float = 0.025  # least distance between keypoints of two hands, metres, with skin between
+    bone_std: float = 0.005  # relative standard deviation of bone lengths between a person's hands
 
 
 @dataclass(frozen=True)
 class HandPairs:
-    """Which of B clips show the second hand on the object of another clip, seen in a mirror."""
+    """Which of B clips show a second hand, on the mirror image of another clip's object."""
 
     first: Int[Tensor, " B"]
-    """For a second hand the number of the clip with the first; -1 for every other clip."""
+    """For a second hand, the index of the clip with the first hand; -1 for every other clip."""
 
     @classmethod
     def none(cls, count: int) -> "HandPairs":
@@ -52,17 +52,17 @@ class HandPairs:
 
 
 def bimanual_objects(solids: Solids, count: int, config: BimanualConfig) -> Int[Tensor, " C"]:
-    """The largest of the first `count` objects, which have room for a second hand."""
+    """Indices of the largest of the first `count` objects, which have room for a second hand."""
     return solids.extents[:count].amax(-1).topk(int(config.share * count)).indices
 
 
 def grasp_directions(
     solids: Solids, shared: Int[Tensor, " C"], standing: Bool[Tensor, " B"] | None = None
 ) -> Float[Tensor, "B 3"]:
-    """Direction from the object that each hand comes from, in the object's frame; zero for any.
+    """Unit vector to the side that each hand approaches from, in the object's frame; zero for any.
 
-    First hands (`shared`) and second hands (the last C) come from the ends of the longest axis,
-    which is not the z axis of objects that are `standing` on a table.
+    First hands (`shared`) and second hands (the last C) approach from opposite ends of the longest
+    axis; for objects that are `standing` on a table, the z axis is left out.
     """
     extents = solids.extents
     if standing is not None:
@@ -77,7 +77,7 @@ def grasp_directions(
 def pair_hands(grasps: Grasps, shared: Int[Tensor, " C"], config: BimanualConfig) -> HandPairs:
     """The pairs of first hands (`shared`) and second ones (the last C) among the kept grasps.
 
-    Two hands that would touch are no pair; each of them is kept as a hand of its own.
+    Two hands that would touch are not paired; each is kept as a single hand.
     """
     single = len(grasps.kept) - len(shared)
     joints, _ = grasps.posed()

@@ -1,5 +1,4 @@
-"""What of the hand meets an object: spheres along the bones, and contact pads on the skin; and what
-else these spheres keep out of.
+"""Spheres along the hand's bones, contact pads on its skin, and obstacles beside the object.
 
 Right hands; pads face directions of the rest frame (fingers -x, palm -y, thumb +z); metres.
 """
@@ -25,7 +24,7 @@ BONE_RADIUS = torch.tensor(
     [0.016, 0.014, 0.0115, 0.009, *(0.014, 0.011, 0.01, 0.009) * 2]
     + [0.014, 0.01, 0.009, 0.0085, 0.014, 0.009, 0.008, 0.0075]
 )
-MEAN_SPAN = 0.18  # length from wrist to the tip of the middle finger that BONE_RADIUS is of, metres
+MEAN_SPAN = 0.18  # bone lengths from wrist to middle fingertip of that adult hand, metres
 PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
 """Joints whose rotation the pads follow, in MANO order: 15 pads under the phalanges, two on the
 thumb's side of the index's outer phalanges, two at the middle of the palm and below its fingers."""
@@ -54,7 +53,7 @@ def hand_spheres(
 
 @dataclass(frozen=True)
 class OtherHands(Bundle):
-    """The spheres that fill B hands, which others at their objects keep out of."""
+    """The spheres that fill B hands, as obstacles for a hand at the same object."""
 
     centers: Float[Tensor, "B N 3"]
     radii: Float[Tensor, "B N"]
@@ -62,19 +61,19 @@ class OtherHands(Bundle):
     def overlap(
         self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
     ) -> Float[Tensor, "B K N"]:
-        """How deep each sphere is in each of these, metres; negative beside it."""
+        """Penetration depth of each passed sphere in each of these, metres; negative outside."""
         return radii[..., None] + self.radii[:, None] - pairwise_distances(centers, self.centers)
 
     def depth(
         self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
     ) -> Float[Tensor, "B K"]:
-        """How deep each sphere is in these, metres; negative beside them."""
+        """Largest penetration depth of each passed sphere in these, metres; negative outside."""
         return self.overlap(centers, radii).amax(-1)
 
 
 @dataclass(frozen=True)
 class Table(Bundle):
-    """The plane of the table in the frames of B objects: p is `p @ up + height` over it, metres."""
+    """The table plane in B objects' frames: a point p is `p @ up + height` above it, metres."""
 
     up: Float[Tensor, "B 3"]  # unit vectors
     height: Float[Tensor, " B"]  # of the frames' origins
@@ -82,7 +81,7 @@ class Table(Bundle):
     def depth(
         self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
     ) -> Float[Tensor, "B K"]:
-        """How far spheres reach under the table, metres; negative over it."""
+        """Penetration depth of spheres in the table, metres; negative above it."""
         return radii - torch.linalg.vecdot(centers, self.up[:, None]) - self.height[:, None]
 
 
@@ -91,7 +90,7 @@ def contact_pads(
     turns: Float[Tensor, "*B 16 3 3"],
     scale: Float[Tensor, "*B 1"],
 ) -> tuple[Float[Tensor, "*B 19 3"], Float[Tensor, "*B 19 3"]]:
-    """Points of the pads on the skin and the directions that they face."""
+    """Points of the pads on the skin, and the outward directions that they face."""
     mano = joints[..., list(MANO_FROM_OPENPOSE), :]
     ends = [j + 1 if j % 3 else 16 + j // 3 - 1 for j in PAD_JOINTS[:17]] + [4, 4]
     start, end = mano[..., list(PAD_JOINTS), :], mano[..., ends, :]

@@ -1,4 +1,4 @@
-"""Which grasps are kept: hands that are not too deep in anything and hold what they touch."""
+"""Which grasps are kept: hands that penetrate little and whose contacts can hold the object."""
 
 import math
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES, of_type
 from geneoh.synthesis.grasping.pose_prior import beyond_range
 from geneoh.synthesis.shapes.solids import Solids
 
-FRICTION = 1.0  # coefficient of friction of skin on an object, which is moist and soft
+FRICTION = 1.0  # coefficient of friction of skin, which is moist and soft
 PATCH = 0.01  # torque about the normal per newton of a pad's pressure, metres: pads are soft
 PUSHES = torch.tensor(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3)
-"""Directions in which the object is pushed."""
-LEVER = 0.02  # distance from the middle of the pads at which it is pushed, metres
+"""Directions in which the object is pushed to test a grip."""
+LEVER = 0.02  # distance of a push from the middle of the pads, metres
 LENGTH = 0.03  # torques are divided by this length to count as forces, metres
 
 
@@ -34,23 +34,23 @@ class GraspChecks:
 
     depth: float = 0.003  # no sphere of the hand is deeper in the object, metres
     contact: float = 0.004
-    """A pad that the type of grasp may want touches where it is nearer to the surface, metres."""
+    """Distance to the surface below which a pad that the type of grasp uses touches, metres."""
     fingers: int = 0
-    """Digits that touch beyond those that the type needs; negative: contacts are not checked."""
+    """Touching digits required in addition to `GraspType.needed`; if < 0, contacts are ignored."""
     clearance: float = -0.004
     """Gap between spheres of different fingers, metres; less than zero because skin gives way."""
     deviations: float = 2.2
-    """How far a component of a joint rotation may be outside of the range of the pose prior, in
-    deviations of that prior (`FINGER_STD`), as below."""
+    """Limit of how far an axis-angle component of a finger joint is outside of the range of the
+    pose prior, in standard deviations of the prior (`FINGER_STD`)."""
     opposing: float = -0.2
     """Grips: the least cosine between the surface normals at two touching pads is below this."""
     bearing: float = 0.5
-    """Hook and support: the cosine between the surface normal and the direction that bears on the
-    hand is above this at one touching pad, which can lift, and nowhere below its negative."""
+    """Hook and support: the cosine between the surface normal and `GraspType.bears` is above this
+    at one touching pad or more, and below its negative at none."""
     unheld: float = 0.35
-    """Grips: largest share of a push on the object that friction at touching pads does not bear."""
+    """Grips: limit of the share of a push that friction at touching pads cannot resist."""
     skin: float = 0.0035
-    """How much deeper than `depth` the skin may be, metres: spheres leave out the palm's flesh."""
+    """How much deeper than `depth` skin may penetrate, metres: spheres omit the palm's flesh."""
 
 
 def passes(
@@ -80,7 +80,7 @@ def _holds(
     turn: Float[Tensor, "B 3 3"],
     checks: GraspChecks,
 ) -> Bool[Tensor, " B"]:
-    """Whether enough digits touch, on opposing surfaces or under a weight, as the type asks."""
+    """Whether enough digits touch, on opposing surfaces or under a weight, as the type needs."""
     gap, normal = solids.distance_and_normal(pads)
     likely = of_type("digits", types)[:, list(PAD_DIGITS)] * of_type("pads", types)
     touching = (gap.abs() < checks.contact) & (likely > 0)
@@ -103,7 +103,7 @@ def unheld(
     normals: Float[Tensor, "B P 3"],
     touching: Bool[Tensor, "B P"],
 ) -> Float[Tensor, " B"]:
-    """The share of the worst push that touching pads cannot bear: 0 is firm, 1 no grip at all.
+    """Share of the worst push that friction at touching pads cannot resist: 0 firm, 1 no grip.
 
     `normals` are those of the object at the pads, outward.
     """

@@ -1,6 +1,6 @@
-"""What hands try to grasp with, and the energy that is the less, the better they do.
+"""Attempts at grasps, and the energy that the search for grasps minimises.
 
-It is of penetration, contact of the wanted pads, finger clearance and distance to a likely pose.
+Its terms: penetration, contact of the wanted pads, finger clearance and distance to a liked pose.
 Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z) and the object's frame; metres
 and radians.
 """
@@ -29,35 +29,35 @@ from geneoh.synthesis.grasping.pose_prior import FINGER_STD, beyond_range
 from geneoh.synthesis.shapes.solids import Solids
 
 SOFT = 0.004
-"""How deep a hand reaches into the table without cost, metres: fingers that reach under what lies
-on it give way."""
+"""Penetration of the table that costs nothing, metres: fingers that reach under an object are
+soft."""
 
 
 @dataclass(frozen=True)
 class GraspEnergy:
-    """Weights of the terms of the energy that the descent minimises."""
+    """Weights of the terms of the energy, and limits where terms start to count."""
 
     depth: float = 4e4  # of squared penetration of the hand's spheres, 1/m^2
     contact: float = 60.0  # of the distance of wanted pads to the surface, 1/m
     far_contact: float = 30.0
-    """Of its square over the distance itself, 1/m: pads far from the surface are drawn faster."""
+    """Of the squared distance relative to `contact`, 1/m: pulls pads far from the surface more."""
     facing: float = 0.25  # of 1 plus the cosine between a wanted pad's direction and the normal
-    opposition: float = 3.0  # of what wanted pads of thumb and fingers lack to `opposed`, in grips
+    opposition: float = 3.0  # of the mean shortfall from `opposed`; grips only
     opposed: float = 1.0
-    """Agreement (up to 2) of two pads on either side of an object beyond which no more is asked."""
+    """Opposition of a thumb pad and a finger pad (at most 2, see `_unopposed`) that is enough."""
     clearance: float = 2e4  # of squared overlap of different fingers, 1/m^2
-    liked: float = 0.12  # of the squared distance to the pose drawn for this hand, in deviations
-    range: float = 2.0  # deviations outside of the range from which squares count in full
-    wrong_side: float = 1e5  # of starting on the other side of an object than is asked for, 1/m^2
+    liked: float = 0.12  # of the squared distance to the liked pose, in units of `FINGER_STD`
+    range: float = 2.0  # `FINGER_STD` outside of the prior's range beyond which squares are added
+    wrong_side: float = 1e5  # of the squared distance of a start to the requested side, 1/m^2
 
 
 @dataclass(frozen=True)
 class GraspAttempt(Bundle):
-    """What B hands try: one type of grasp each, on one object each."""
+    """Targets of B hands: one type of grasp each, on one object each."""
 
     types: Int[Tensor, " B"]
     offsets: Float[Tensor, "B 20 3"]
-    liked: Float[Tensor, "B 15 3"]  # the finger pose that this hand likes, this time
+    liked: Float[Tensor, "B 15 3"]  # finger pose that is drawn for the attempt, as a soft target
     wanted: Bool[Tensor, "B 19"]  # pads that should touch
     table: Table | None = None
     other: OtherHands | None = None
@@ -70,8 +70,8 @@ class GraspAttempt(Bundle):
     def depths_beside_object(
         self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "B K"]
     ) -> list[Float[Tensor, "B K"]]:
-        """How deep spheres of the hand are under the table and in the other hand, where there is
-        one, metres; negative outside.
+        """Penetration depth of spheres in the table and in other hands, as far as they exist,
+        metres; negative outside.
         """
         depths = [] if self.table is None else [self.table.depth(centers, radii) - SOFT]
         return depths if self.other is None else [*depths, self.other.depth(centers, radii)]
@@ -79,7 +79,7 @@ class GraspAttempt(Bundle):
 
 @dataclass(frozen=True)
 class Hands(Bundle):
-    """Where B hands are on their way to a grasp, in the object's frame."""
+    """Pose of B hands during the descent, in the object's frame; axis-angle."""
 
     wrist: Float[Tensor, "B 3"]
     orient: Float[Tensor, "B 3"]
@@ -98,7 +98,7 @@ class Hands(Bundle):
 def grasp_energy(
     solids: Solids, attempt: GraspAttempt, hands: Hands, weight: GraspEnergy
 ) -> Float[Tensor, " B"]:
-    """What the descent minimises."""
+    """Energy of each hand; the lower, the better the grasp."""
     joints, turns = hands.posed(attempt)
     centers, radii = hand_spheres(joints, attempt.scale)
     pads, facing = contact_pads(joints, turns, attempt.scale)
@@ -131,11 +131,11 @@ def _unopposed(
     normal: Float[Tensor, "B 19 3"],
     opposed: float,
 ) -> Float[Tensor, " B"]:
-    """How far thumb and fingers of a grip are from facing each other across the object."""
+    """Mean shortfall from `opposed` of the wanted pairs of a thumb pad and a finger pad."""
     thumb = torch.tensor(PAD_DIGITS) == 4
     grips = torch.tensor([each.bears is None for each in GRASP_TYPES])[attempt.types]
     pairs = (attempt.wanted & thumb)[:, :, None] & (attempt.wanted & ~thumb)[:, None]
     pairs = pairs & grips[:, None, None]
-    # the direction that one pad faces and the normal where the other one is should agree
+    # each pad should face along the surface normal at the other pad
     agree = facing @ normal.mT + normal @ facing.mT
     return (opposed - agree).clamp(min=0).mul(pairs).sum((1, 2)) / pairs.sum((1, 2)).clamp(min=1)

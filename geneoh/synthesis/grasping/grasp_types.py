@@ -1,4 +1,4 @@
-"""Types of grasps: which pads of the hand touch, how curled it is, and from where it comes."""
+"""Types of grasps: which pads touch, how much digits curl, and how the hand approaches."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from torch import Tensor
 
 from geneoh.synthesis.grasping.contact_pads import PAD_OF_PALM
 
-CURLS = (0.2, 2.5)  # range of the curl (see `curled`) from person to person and grasp to grasp
+CURLS = (0.2, 2.5)  # range of the curl (see `curled`) over people and grasps
 
 
 @dataclass(frozen=True)
 class GraspType:
-    """What makes one type of grasp differ from the others; ranges are of one draw per grasp."""
+    """One type of grasp; each range is drawn from once per grasp."""
 
     name: str
     share: float  # share of the attempts
     digits: tuple[float, float, float, float, float, float]
-    """Probability that each takes part: index, middle, pinky, ring, thumb, palm."""
+    """Probability that each digit takes part: index, middle, pinky, ring, thumb, palm."""
     needed: int  # digits that must touch with pads of this type
     fingers: tuple[float, float, float] = (0.0, 0.1, 1.0)
     """Probability that the base, middle and distal pad of a finger that takes part should touch."""
@@ -30,15 +30,15 @@ class GraspType:
     opposition: float = 1.0
     """How far the thumb turns under the palm: 0 beside the index, 1 across from the fingers."""
     opened: tuple[float, float] = (0.0, 0.8)
-    """Range of the share of its curl with which the hand starts over the object."""
+    """Range of the curl at the start, as a share of the final curl that is drawn."""
     over: tuple[float, float, float] = (-1.0, 0.0, 0.045)
-    """Point of the hand that starts over the surface: along the palm in lengths of the palm,
-    towards the thumb and below the palm in metres."""
+    """Point in the hand's frame that starts at the surface point: along the palm in palm lengths,
+    then towards the thumb and below the palm in metres."""
     faces: tuple[float, float, float] = PAD_OF_PALM  # direction of the hand that faces the surface
     approaches: int = 1  # random starts, of which the one with the least energy is taken
     bears: tuple[float, float, float] | None = None
-    """Outward normal of a surface whose weight rests on the hand, in the hand's frame; None for
-    grips, which hold by opposing contacts."""
+    """For types that carry the object's weight: outward normal of the surface that rests on the
+    hand, in the hand's frame. None for grips, which hold by opposing contacts."""
 
     @property
     def pads(self) -> tuple[float, ...]:
@@ -49,7 +49,7 @@ class GraspType:
 def _precision(
     count: int, share: float, fingers: tuple[float, float, float, float], needed: int
 ) -> GraspType:
-    """Thumb and neighbouring fingers, at their tips."""
+    """A precision grip of `count` digits: thumb and neighbouring fingers, at their tips."""
     return GraspType(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
 
 
@@ -109,5 +109,5 @@ GRASP_TYPES = (
 
 
 def of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
-    """A field of `GraspType` for each hand."""
+    """The field `name` of the `GraspType` of each hand."""
     return torch.tensor([getattr(each, name) for each in GRASP_TYPES], dtype=torch.float32)[types]

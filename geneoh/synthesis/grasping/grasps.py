@@ -1,7 +1,7 @@
-"""Grasps by batched gradient descent of a sphere-covered skeleton against analytic objects.
+"""Grasps by batched gradient descent of a sphere-covered hand against an object's signed distance.
 
-Each attempt is of one of `GRASP_TYPES`. The hand starts over a random point of the surface and
-descends `grasp_energy`. What passes `GraspChecks` is kept. Frames: the right hand's rest frame
+Each attempt is of one of `GRASP_TYPES`. The hand starts over a random surface point and minimises
+`grasp_energy`; grasps that pass `GraspChecks` are kept. Frames: the right hand's rest frame
 (fingers -x, palm -y, thumb +z) and the object's frame; metres and radians.
 """
 
@@ -34,26 +34,26 @@ from geneoh.synthesis.shapes.solids import Solids
 
 @dataclass(frozen=True)
 class GraspConfig:
-    """How grasps are looked for."""
+    """Settings of the search for grasps."""
 
     steps: int = 140  # descent steps of Adam with a cosine rate
     wrist_rate: float = 0.004  # first learning rate of the wrist's position, metres
     angle_rate: float = 0.03  # first learning rate of orientation and finger joints, radians
     last_rate: float = 1e-4  # last learning rate of all of them
-    stop: float = 2.15  # deviations out of the range at which joints stop; < `checks.deviations`
-    curl_std: float = 0.3  # deviation of the logarithm of the curl from digit to digit
-    habit_std: float = 0.6  # deviation of the pose drawn for a hand, in deviations of each joint
-    start_habit: float = 0.5  # share of that deviation with which the hand starts
+    stop: float = 2.15  # joint limits, `FINGER_STD` beyond the prior's range; < `checks.deviations`
+    curl_std: float = 0.3  # standard deviation of the log of the curl between digits
+    habit_std: float = 0.6  # standard deviation of the liked pose of a hand, in `FINGER_STD`
+    start_habit: float = 0.5  # share of that offset from the prior that the start pose has
     tilt_std: float = 0.25
-    """Deviation of the hand's first orientation from facing the surface, radians on each axis."""
+    """Standard deviation of the start's tilt off the surface normal, radians on each axis."""
     start_reach: tuple[float, float] = (0.75, 1.25)
     """Range of a factor on how far along the palm the surface point lies at the start."""
-    grips: int = 2  # other poses that are looked for in which a hand holds the same place
+    grips: int = 2  # number of other poses in which a hand holds the same place, per grasp
     grip_steps: float = 0.25  # descent steps for each, as a share of `steps`
     grip_turn_std: float = 0.12
-    """Deviation of a grip's turn about the pads that touch, radians on each axis, at its start."""
-    grip_shift_std: float = 0.004  # deviation of its shift, metres
-    grip_habit_std: float = 0.25  # deviation of its fingers, in deviations of each joint
+    """Standard deviation of a grip's start rotation about touching pads, radians on each axis."""
+    grip_shift_std: float = 0.004  # standard deviation of its start translation, metres
+    grip_habit_std: float = 0.25  # standard deviation of its finger pose, in `FINGER_STD`
     energy: GraspEnergy = field(default_factory=GraspEnergy)
     checks: GraspChecks = field(default_factory=GraspChecks)
 
@@ -66,7 +66,7 @@ class Grasps(Bundle):
     wrist: Float[Tensor, "B 3"]
     offsets: Float[Tensor, "B 20 3"]
     kept: Bool[Tensor, " B"]  # whether the grasp passes the checks
-    types: Int[Tensor, " B"]  # index into GRASP_TYPES of what was tried
+    types: Int[Tensor, " B"]  # index of the attempted type in GRASP_TYPES
 
     def posed(self) -> tuple[Float[Tensor, "B 21 3"], Float[Tensor, "B 16 3 3"]]:
         """Keypoints and the joints' global rotations."""
@@ -82,7 +82,7 @@ class Grips(Bundle):
 
 
 def _between(limits: Float[Tensor, "B C 2"], draws: Draws) -> Float[Tensor, "B C"]:
-    """Numbers between limits, all of a hand at the same share of the way."""
+    """Random numbers between limits: one share per hand interpolates all its C limits."""
     low, high = limits.unbind(-1)
     return low + (high - low) * draws.share(1)
 
@@ -90,7 +90,7 @@ def _between(limits: Float[Tensor, "B C 2"], draws: Draws) -> Float[Tensor, "B C
 def random_attempts(
     offsets: Float[Tensor, "B 20 3"], config: GraspConfig, draws: Draws
 ) -> tuple[GraspAttempt, Float[Tensor, "B 15 3"]]:
-    """Random attempts, and the fingers with which they start."""
+    """Random attempts, and the finger poses with which they start."""
     shares = torch.tensor([each.share for each in GRASP_TYPES])
     types = torch.multinomial(shares, draws.batch, replacement=True, generator=draws.generator)
     curls = [of_type("finger_curls", types)] * 4 + [of_type("thumb_curls", types)]
@@ -114,9 +114,9 @@ def _approach(
     config: GraspConfig,
     draws: Draws,
 ) -> Hands:
-    """Hands over a random surface point each, which the side that their type names faces.
+    """Start poses: each hand turns the side `GraspType.faces` to a random surface point.
 
-    They are turned at random about the surface normal.
+    The rotation about the surface normal is random.
     """
     surface, normals = solids.surface_points(1, generator=draws.generator, to_grasp=True)
     point, normal = surface[:, 0], normals[:, 0]
@@ -143,7 +143,7 @@ def _starts(
     config: GraspConfig,
     draws: Draws,
 ) -> Hands:
-    """Hands to start from: the best of as many approaches as the type draws."""
+    """Start poses: the one of least energy among the `GraspType.approaches` that are drawn."""
     start = _approach(solids, attempt, fingers, config, draws)
     counts = of_type("approaches", attempt.types).long()
     (several,) = torch.nonzero(counts > 1, as_tuple=True)
@@ -193,10 +193,10 @@ def synthesize_grasps(
     table: Table | None = None,
     other: OtherHands | None = None,
 ) -> Grasps:
-    """One grasp attempt per object and hand; `kept` tells which ones pass the checks.
+    """One grasp attempt per pair of an object and a hand; `kept` marks those that pass the checks.
 
-    The wrist starts on the side of the object that `toward` points to; zero is for any. Hands stay
-    over the table and out of other hands, if there are any.
+    The wrist starts on the side of the object that `toward` points to, or on any side where that is
+    zero. Hands stay above `table` and out of `other` hands.
     """
     config, draws = config or GraspConfig(), Draws(len(offsets), generator)
     attempt, fingers = random_attempts(offsets, config, draws)
@@ -211,9 +211,9 @@ def synthesize_grasps(
 def shifted_grips(
     solids: Solids, grasps: Grasps, config: GraspConfig, *, generator: torch.Generator
 ) -> Grips:
-    """Grips near each grasp with the same pads: what hands shift and roll their object between.
+    """Other poses near each grasp with the same touching pads, between which a hand can move.
 
-    A grip that loses a pad or sinks into the object is replaced by the grasp itself.
+    A grip that fails the checks is replaced by the grasp itself.
     """
     each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
     solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
@@ -246,10 +246,10 @@ def settled_grasps(
     table: Table,
     other: OtherHands | None,
 ) -> Grasps:
-    """The grasps next to given ones in which nothing sinks in and what is near touches.
+    """Passed grasps after a descent that removes penetration and brings near pads into contact.
 
-    Pads within `reach` (metres) of the surface are drawn to it, or those that are next to it where
-    none is. `kept` tells which grasps are no deeper in their object than the checks allow.
+    Pads within `reach` (metres) of the surface are pulled to it; if there is none, the nearest pads
+    are. `kept` marks grasps that penetrate their object less than the checks allow.
     """
     scale = hand_scale(grasps.offsets)
     joints, turns = grasps.posed()

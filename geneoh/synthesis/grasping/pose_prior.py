@@ -1,4 +1,4 @@
-"""The prior of finger poses: curls from a flat hand to a fist, mean, deviation and range of joints.
+"""The prior of finger poses: curls from a flat hand to a fist; mean, deviation, range of joints.
 
 Axis-angle in the right hand's rest frame (fingers -x, palm -y, thumb +z), radians; joints in MANO
 order without the wrist.
@@ -46,5 +46,5 @@ FINGER_HIGH = FINGER_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
 
 
 def beyond_range(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
-    """How far joints are outside of the range of the prior, in its deviations."""
+    """How far joint components are outside of the prior's range, in units of `FINGER_STD`."""
     return torch.maximum(FINGER_LOW - fingers, fingers - FINGER_HIGH).clamp(min=0) / FINGER_STD

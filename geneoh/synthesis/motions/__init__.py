@@ -1,1 +1,1 @@
-"""How hands and objects move in a made clip."""
+"""How hands and objects move in a synthetic clip."""

@@ -1,4 +1,4 @@
-"""Ways of hands that do not lead through the object: drawn again until they stay out of it."""
+"""Hand motions that do not pass through the object: drawn again until penetration is small."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from geneoh.synthesis.shapes.solids import PARTS, Solids
 
 @dataclass(frozen=True)
 class ClearanceConfig(Limited):
-    """How deep hands may be in the object on their ways, and how often a way is drawn again."""
+    """How deep moving hands may penetrate the object, and how often a motion is drawn again."""
 
     depth: float = 0.006
-    """Depth of the spheres along the bones in the object from which on another way is drawn,
-    metres: a little more than the checks of grasps allow."""
-    draws: int = 8  # ways that are drawn at most; the shallowest of them is taken
-    every: int = 2  # frames from one in which depths are measured to the next
+    """Penetration depth of the spheres along the bones above which another motion is drawn, metres:
+    a little more than the checks of grasps allow."""
+    draws: int = 8  # most motions that are drawn per hand; the shallowest of them is taken
+    every: int = 2  # depths are measured in each `every`-th frame
 
 
 @dataclass(frozen=True)
 class MovingSolids(Bundle):
-    """B objects of two parts that move, in the frame of the world or of what moves with it."""
+    """B moving objects of two parts, with the parts' poses in the world or another frame."""
 
     solids: Solids
     rotation: Float[Tensor, "B T 2 3 3"]
@@ -39,7 +39,7 @@ class MovingSolids(Bundle):
     def on_joint(
         cls, solids: Solids, turn: Float[Tensor, "B T 3 3"], shift: Float[Tensor, "B T 3"]
     ) -> "MovingSolids":
-        """Objects whose first part rests and whose second one is moved by its joint."""
+        """Objects in the frame of their first part, whose second part is moved by its joint."""
         turns = torch.stack([torch.eye(3).expand_as(turn), turn], 2)
         return cls(solids, turns, torch.stack([torch.zeros_like(shift), shift], 2))
 
@@ -53,7 +53,7 @@ class MovingSolids(Bundle):
         return torch.minimum(*each).unflatten(1, points.shape[1:3])
 
     def depth(self, hands: HandPath, offsets: Float[Tensor, "B 20 3"]) -> Float[Tensor, "B T"]:
-        """How deep the deepest sphere of each hand is in the object, metres; negative beside it."""
+        """Penetration depth of each hand's deepest sphere, metres; negative if all are outside."""
         turns = axis_angle_to_matrix(hands.pose)
         joints = forward_kinematics(turns, hands.wrist, offsets[:, None])[0]
         centers, radii = hand_spheres(joints, hand_scale(offsets)[:, None])
@@ -66,9 +66,9 @@ def clear_ways(
     offsets: Float[Tensor, "B 20 3"],
     config: ClearanceConfig,
 ) -> HandPath:
-    """Of several motions of each hand one in which it stays out of the object, or the shallowest.
+    """For each hand, the first drawn motion that stays out of the object, else the shallowest one.
 
-    `draw` draws a motion for the hands of the given numbers.
+    `draw` draws a motion for each of the hands with the passed indices.
     """
     some = slice(None, None, config.every)
     measured = objects[some]

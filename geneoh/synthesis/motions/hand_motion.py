@@ -21,56 +21,58 @@ from geneoh.synthesis.motions.schedule import Schedule, minimum_jerk
 
 @dataclass(frozen=True)
 class HandMotionConfig:
-    """How fast, how far and how restlessly hands move."""
+    """Speed, range and small variations of hand motion."""
 
     reach_frames: tuple[float, float] = (18.0, 40.0)
-    """Range of the frames that the wrist takes to come, and to leave."""
+    """Range of the duration of the wrist's approach, and of its departure, in frames."""
     opening_frames: tuple[float, float] = (8.0, 16.0)
-    """Range of the frames that the fingers take to close, and to open."""
-    wrist_delay: float = 0.1  # time from the grasp to the wrist's motion, as a share of its way
+    """Range of the time in which fingers close, and in which they open, in frames."""
+    wrist_delay: float = 0.1  # time between grasp and wrist motion, as a share of the latter's time
     opening_lead: float = 0.3
-    """How far the fingers are open at the grasp, as a share: off the surface before the wrist."""
+    """Share of the opening time that has passed when the grasp ends (and is left when it starts):
+    fingers leave the surface before the wrist."""
     away_direction: tuple[float, float, float] = (0.6, 1.0, 0.0)
-    """Where hands come from, in the hand's frame: off the palm and towards the forearm."""
+    """Direction from the grasp to where hands start and end, in the hand's rest frame: towards the
+    back of the hand and the forearm."""
     away_distance: tuple[float, float] = (0.06, 0.2)
-    """Range of the distance from there to the grasp, in lengths of `away_direction`, metres."""
-    away_std: float = 0.05  # deviation of that place on each axis, metres
-    table_height: float = 0.04  # least height of that place over the grasp above a table, metres
+    """Range of the factor on `away_direction` (which is no unit vector), metres."""
+    away_std: float = 0.05  # standard deviation of the start and the end on each axis, metres
+    table_height: float = 0.04  # least height of both over the grasp if there is a table, metres
     away_turn_std: float = 0.4
-    """Deviation of the hand's orientation there from that of the grasp, radians on each axis."""
-    regrasp_width: float = 4.0  # half duration of a moment without the grasp, frames (bell curve)
+    """Standard deviation of the rotation from the grasp to start and end, radians on each axis."""
+    regrasp_width: float = 4.0  # standard deviation of a regrasp's bell curve over time, frames
     regrasp_distance: float = 0.3
-    """How far the wrist goes in that moment, as a share of its way from the object."""
-    regrasp_opening: float = 0.7  # how far the fingers open in that moment, as a share
-    shift_noise: float = 0.001  # deviation of the wrist's small adjustments while it holds, metres
+    """Distance of the wrist from the grasp in a regrasp, as a share of a start's distance."""
+    regrasp_opening: float = 0.7  # opening of the fingers in a regrasp, as a share
+    shift_noise: float = 0.001  # standard deviation of small shifts of the wrist, metres
     shift_period: float = 12.0  # frames over which they change
-    turn_noise: float = 0.01  # deviation of small adjustments of the hand's orientation, radians
+    turn_noise: float = 0.01  # standard deviation of small rotations of the hand, radians
     turn_period: float = 15.0  # frames over which they change
-    grip_share: float = 0.6  # share of the hands that shift from grip to grip while they hold
-    grip_frames: tuple[float, float] = (8.0, 40.0)  # range of the frames that a hand takes to shift
+    grip_share: float = 0.6  # share of the hands that change their grip while they hold
+    grip_frames: tuple[float, float] = (8.0, 40.0)  # range of the duration of a change, in frames
     restless_share: float = 0.5
-    """Of those that shift, the share that is always between its grips, as in the use of a tool."""
-    restless_period: float = 10.0  # frames over which their place between the grips changes
+    """Of these, the share that moves between its grips all the time, as when using a tool."""
+    restless_period: float = 10.0  # frames over which their blend of grips changes
     restless_size: float = 2.0
-    """How far they go from the middle: with large numbers from one grip to the next."""
+    """Gain of the softmax that blends the grips; with large values hands jump between grips."""
     open_curl: tuple[float, float] = (0.05, 0.9)
     """Range of the curl of open fingers: people reach with their fingers more or less open."""
-    curl_scatter: float = 0.3  # deviation of the logarithm of the curl from finger to finger
+    curl_scatter: float = 0.3  # standard deviation of the log of the curl between fingers
     opening: tuple[float, float] = (0.5, 1.0)
-    """Range of the share of the way to the open fingers that a hand goes."""
-    lift_share: float = 0.15  # share of the fingers that are lifted while the hand holds
-    lift_time: tuple[float, float] = (0.2, 0.8)  # range of the time of that, as a share of the clip
-    lift_width: float = 7.0  # half duration of it, frames (deviation of a bell curve)
+    """Range of how far a hand opens, as a share of the way from the grasp to the open fingers."""
+    lift_share: float = 0.15  # probability that a finger is lifted while the hand holds
+    lift_time: tuple[float, float] = (0.2, 0.8)  # range of the lift's time, as a share of the clip
+    lift_width: float = 7.0  # standard deviation of the lift's bell curve over time, frames
     lift_height: tuple[float, float] = (0.2, 0.6)
-    """Range of how far they open, as a share of the way to the open fingers."""
+    """Range of how far lifted fingers open, as a share of the way to the open fingers."""
     repeat_share: float = 0.2
-    """Share of the hands that lift the same fingers again and again, as with a tool in use."""
-    repeat_period: tuple[float, float] = (12.0, 40.0)  # range of frames from one time to the next
-    tremor: float = 0.004  # deviation of the finger joints' motion while the hand holds, radians
-    open_tremor: float = 0.04  # what is added to it while the hand is open, radians
-    tremor_period: float = 8.0  # frames over which it changes
+    """Share of the hands that lift the same fingers periodically, as when using a tool."""
+    repeat_period: tuple[float, float] = (12.0, 40.0)  # range of that period, in frames
+    tremor: float = 0.004  # standard deviation of finger joint tremor in the grasp, radians
+    open_tremor: float = 0.04  # additional tremor of the open hand, radians
+    tremor_period: float = 8.0  # frames over which the tremor changes
     together: float = 0.6
-    """Correlation of that motion between the flexions of the four fingers; recorded free motion
+    """Correlation of the tremor between the flexions of the four fingers; recorded free motion
     (Leap Motion, leapjs-playback): 0.56 to 0.8."""
 
 
@@ -81,14 +83,14 @@ class HandPhases(Bundle):
     reach: Float[Tensor, "B T"]  # of the wrist, before the grasp
     leave: Float[Tensor, "B T"]  # of the wrist, after it
     opening: Float[Tensor, "B T"]  # of the fingers
-    regrasp: Float[Tensor, "B T"]  # of a moment without the grasp
+    regrasp: Float[Tensor, "B T"]  # of the wrist, when it lets go for a moment and grasps again
 
 
 def draw_phases(schedule: Schedule, config: HandMotionConfig, draws: Draws) -> HandPhases:
-    """When hands reach, close, let go for a moment, open and leave."""
+    """Phases of hands that reach, close, regrasp, open and leave at the times of `schedule`."""
 
     def away(frames: Float[Tensor, "B T"]) -> tuple[Tensor, Tensor]:
-        """Phases of wrist and fingers, so many frames from the grasp."""
+        """Phases of wrist and fingers by the number of frames to or from the grasp."""
         way = frames / draws.uniform(config.reach_frames, 1)
         opening = frames / draws.uniform(config.opening_frames, 1)
         return minimum_jerk(way - config.wrist_delay), minimum_jerk(opening + config.opening_lead)
@@ -109,7 +111,7 @@ def bell(frames: Float[Tensor, "B T"], width: float) -> Float[Tensor, "B T"]:
 
 @dataclass(frozen=True)
 class HandPath(Bundle):
-    """B hands in each of T frames, in the frame of what they hold or of the world."""
+    """B hands over T frames, in the frame of the part that they hold or in the world frame."""
 
     wrist: Float[Tensor, "B T 3"]
     turn: Float[Tensor, "B T 3 3"]  # global rotation
@@ -123,18 +125,18 @@ class HandPath(Bundle):
     def moved(
         self, rotation: Float[Tensor, "*#B 3 3"], shift: Float[Tensor, "*#B 3"]
     ) -> "HandPath":
-        """The same hands in another frame."""
+        """The hands after a rigid motion of each frame, such as that into the world frame."""
         moved = Rigid(rotation, shift).compose(Rigid(self.turn, self.wrist))
         return HandPath(moved.translation, moved.rotation, self.fingers)
 
     def replaced(self, index: Int[Tensor, " C"], other: "HandPath") -> "HandPath":
-        """These hands, with others in place of those of the given numbers."""
+        """These hands, with `other` in place of those at `index`."""
         own = (getattr(self, each.name) for each in fields(self))
         new = (getattr(other, each.name) for each in fields(self))
         return HandPath(*(a.index_copy(0, index, b) for a, b in zip(own, new, strict=True)))
 
     def mirrored(self) -> "HandPath":
-        """The hands of the other side on the mirror images."""
+        """The mirror images at x = 0, which are hands of the other side."""
         turn, fingers = mirror_rotations(self.turn), mirror_axis_angle(self.fingers)
         return HandPath(mirror_points(self.wrist), turn, fingers)
 
@@ -147,9 +149,9 @@ def grip_motion(
     config: HandMotionConfig,
     draws: Draws,
 ) -> HandPath:
-    """Hands that shift from their grasp to other grips while they hold, one after the other.
+    """Hands that move from their grasp through other grips while they hold.
 
-    Only those that are `free` do: others have another hand in their way.
+    Only hands that are `free` do; the others share their object with a hand that is in the way.
     """
     first = axis_angle_to_matrix(grasps.pose[:, 0])
     still = torch.zeros_like(grasps.wrist)
@@ -181,8 +183,8 @@ def hand_motions(
     config: HandMotionConfig,
     generator: torch.Generator,
 ) -> Callable[[Int[Tensor, " C"]], HandPath]:
-    """A function that draws motions of the hands of the given numbers, others in every call: they
-    come to what they hold, move a little while they do, and leave."""
+    """A function that draws random motions for clips by index, new ones in every call: hands
+    approach, move a little while they hold, and leave."""
 
     def drawn(clips: Int[Tensor, " C"]) -> HandPath:
         some, when = held.take(clips, "B"), phases.take(clips, "B")
@@ -200,13 +202,13 @@ def _wrist_motion(
     config: HandMotionConfig,
     draws: Draws,
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3 3"]]:
-    """Wrist and global rotation: from a place before the object to the grasp and to another."""
+    """Wrist position and global rotation, from a random start to the grasp and to a random end."""
     frames = phases.reach.shape[1]
     back = held.turn[:, 0] @ torch.tensor(config.away_direction)
     up = standing.upright[:, 2]  # the world's vertical in the object's frame
 
     def place() -> Float[Tensor, "B 1 3"]:
-        """A place away from the object, from the grasp; on a table, above it."""
+        """A random offset from the grasp, away from the object; upwards if there is a table."""
         there = back * draws.uniform(config.away_distance, 1) + config.away_std * draws.normal(3)
         short = (config.table_height - (there * up).sum(-1, keepdim=True)).clamp(min=0)
         return (there + torch.where(standing.on_table[:, None], short, 0.0) * up)[:, None]
@@ -228,7 +230,7 @@ def _finger_motion(
     frames, fingers = phases.opening.shape[1], held.fingers
     scatter = (config.curl_scatter * draws.normal(5)).exp()
     opened = curled(draws.uniform(config.open_curl, 1) * scatter)
-    # never more bent than in the grasp: to open must not press a finger into the object
+    # never more bent than in the grasp: opening must not press a finger into the object
     opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], fingers[:, :, :12, 2].amin(1))
     opened = opened[:, None]
     opening = phases.opening[..., None, None] * draws.uniform(config.opening, 1, 1, 1)
@@ -244,7 +246,7 @@ def _finger_motion(
 
 
 def _lifted(frames: int, config: HandMotionConfig, draws: Draws) -> Float[Tensor, "B T 15"]:
-    """How far each finger joint is on its way to the open hand while a finger is lifted."""
+    """Opening of each joint of lifted fingers: 0 as in the grasp, 1 as in the open hand."""
     time = torch.arange(frames, dtype=torch.float32)
     chosen = draws.chance(config.lift_share, 5).float()
     middle = draws.uniform(config.lift_time, 1) * frames

@@ -1,7 +1,7 @@
 """From grasps to interactions at 30 frames a second: reach, hold, carry, let go, leave.
 
-Some have more: a table, a joint that the hand works, a second hand, or a moment in which the hand
-opens and grasps again.
+Some clips have more: a table, an object joint that the hand moves, a second hand, or a regrasp (a
+moment in which the hand opens and grasps again).
 """
 
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ from geneoh.synthesis.shapes.solids import Solids
 
 @dataclass(frozen=True)
 class AnimationConfig:
-    """What happens in a clip; the denoisers know nothing of it."""
+    """Settings of all motion in a clip."""
 
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
     object: ObjectMotionConfig = field(default_factory=ObjectMotionConfig)
@@ -46,7 +46,7 @@ class AnimationConfig:
 class Interactions(ObjectSurface):
     """B right-hand interactions of T frames in the world frame, with their skeletons.
 
-    The object has two parts; those of a rigid one move alike.
+    Every object has two parts; those of a rigid object have the same pose.
     """
 
     pose: Float[Tensor, "B T 16 3"]
@@ -66,11 +66,11 @@ def animate(
     pairs: HandPairs | None = None,
     grips: Grips | None = None,
 ) -> Interactions:
-    """One interaction of `frames` frames per grasp, with so many surface points of the object.
+    """One interaction of `frames` frames per grasp, with `points` surface points of the object.
 
-    The hand comes from and leaves to a random place with its fingers open, and follows the grasp
-    in the frame of the part it holds. Without `pairs` no clip is of a second hand; without `grips`
-    hands keep their grasp.
+    The hand approaches from a random place, and leaves to another, with open fingers; in between it
+    keeps its grasp in the frame of the part that it holds, or moves through `grips`. Without
+    `pairs` no clip is of a second hand.
     """
     config = config or AnimationConfig()
     pairs = pairs or HandPairs.none(len(grasps.pose))

@@ -1,4 +1,4 @@
-"""How a grasped object moves: it stands or floats, is carried or slid, and its joint works."""
+"""How a grasped object moves: it stands or floats, is carried or slid, and its joint moves."""
 
 import math
 from dataclasses import dataclass
@@ -19,22 +19,22 @@ from geneoh.synthesis.shapes.solids import Solids
 
 @dataclass(frozen=True)
 class ObjectMotionConfig:
-    """How far, how often and about what objects move while they are held."""
+    """How far and how often objects and their joints move while they are held."""
 
     rest_points: int = 5  # poses at which the object stops on its way, the last one included
     carry_share: float = 0.85  # share of the objects that are moved at all
     move_share: float = 0.75
-    """Share of the rest points that differ from the one before; at others the object is still."""
+    """Share of the rest points that differ from the previous one; else the object stays still."""
     shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
-    """Deviation of the translation between rest points, metres; the last one is vertical."""
-    turn_std: float = 0.8  # deviation of the rotation between rest points, radians on each axis
-    path_scale: float = 0.7  # factor on the sums of these steps: the object stays in an arm's reach
+    """Standard deviation of the translation between rest points, metres; z is vertical."""
+    turn_std: float = 0.8  # standard deviation of the rotation between them, radians on each axis
+    path_scale: float = 0.7  # factor on the sum of these steps: keeps objects within arm's reach
     orientation_std: float = 2.0
-    """Deviation of the first orientation of an object without a table, radians on each axis."""
-    table_share: float = 0.6  # share of the clips with a table, where the hand has room above it
+    """Standard deviation of an object's first orientation without a table, radians on each axis."""
+    table_share: float = 0.6  # share of the clips with a table, if the hand has room above it
     slide_share: float = 0.25  # of those, the share that is slid over the table and never lifted
     table_directions: int = 16
-    """Directions in which an object is tried to stand, of which one that leaves room is taken."""
+    """Directions that are tried as an object's vertical; one with room for the hand is taken."""
     lift_height: float = 0.03
     """Height at which an object is carried over the table, metres, in addition to its path."""
     skin: float = 0.012  # distance from a keypoint to the skin around it, metres
@@ -43,7 +43,7 @@ class ObjectMotionConfig:
     """Of those held by the second part, the share whose first part stays: a drawer is pulled."""
     touch: float = 0.02  # distance below which a keypoint counts as holding a part, metres
     joint_states: int = 9
-    """States of the joint at which room for the hand is looked for; odd, the middle is at rest."""
+    """Joint states in which clearance to the hand is tested; odd, the middle one is at rest."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ def draw_standing(
     config: ObjectMotionConfig,
     draws: Draws,
 ) -> Standing:
-    """Objects turned any way, or stood on a table so that the hand is above it.
+    """Objects of random orientation, or standing on a table such that the hand is above it.
 
-    Hands and surfaces are in the object's frame; `floating` objects have no table.
+    Keypoints and surface are in the object's frame; `floating` objects have no table.
     """
     up = torch.nn.functional.normalize(draws.normal(config.table_directions, 3), dim=-1)
     room = (joints @ up.mT).amin(1) - config.skin - (surface @ up.mT).amin(1)
@@ -79,18 +79,18 @@ def draw_standing(
 
 @dataclass(frozen=True)
 class HeldPart:
-    """Which part of B objects the hand holds, and how far their joints may move then."""
+    """Which part of B objects the hand holds, and how far the joints may move in that grasp."""
 
     index: Int[Tensor, " B"]
     travel: Float[Tensor, "B 2"]
-    """Range of the joint in which the other part does not meet the hand, as `Solids.travel`; zero
+    """Range of the joint in which the other part stays clear of the hand, as `Solids.travel`; zero
     where the hand holds both parts."""
 
 
 def held_part(
     solids: Solids, joints: Float[Tensor, "B 21 3"], config: ObjectMotionConfig
 ) -> HeldPart:
-    """The part that more of the hand's keypoints touch, and the room of the other part."""
+    """The part that more of the hand's keypoints touch, and the other part's range of travel."""
     states = config.joint_states
     parts = [solids.only(part) for part in range(2)]
     near = torch.stack([part.signed_distance(joints) < config.touch for part in parts]).sum(-1)
@@ -98,7 +98,7 @@ def held_part(
     state = torch.linspace(-1, 1, states)
     low, high = solids.travel[:, :1], solids.travel[:, 1:]
     turn, shift = solids.joint_pose(torch.where(state < 0, -state * low, state * high))
-    # where the hand is in the frame of the other part, when one of the two parts has moved
+    # the hand in the frame of the part that it does not hold, for each state of the joint
     hand = joints[:, None].expand(-1, states, -1, -1)
     second = ((hand - shift[:, :, None]) @ turn).flatten(1, 2)
     first = (hand @ turn.mT + shift[:, :, None]).flatten(1, 2)
@@ -117,7 +117,7 @@ def held_part(
 def carried_path(
     schedule: Schedule, standing: Standing, config: ObjectMotionConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
-    """Rotation and translation of the first part: at rest until it is lifted and once it is down.
+    """Rotation and translation of the first part: at rest before `lift` and after `put_down`.
 
     From a table the object is lifted and put back upright, or slid over it.
     """
@@ -151,7 +151,7 @@ def carry(
 ) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
     """Rotations and translations of both parts, object to world.
 
-    The object of a second hand moves as that of the first one in a mirror.
+    The object of a second hand moves as the mirror image of the first hand's object.
     """
     works = draws.chance(config.joint_share) & solids.jointed & ~pairs.shared
     goals = draws.share(config.rest_points)

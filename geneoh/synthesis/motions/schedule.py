@@ -15,29 +15,29 @@ class ScheduleConfig:
     """Times of the events of a clip."""
 
     close: tuple[float, float] = (-0.25, 0.55)
-    """Range of the time at which the hand has closed, as a share of the clip; before it if < 0."""
+    """Range of the time at which the hand has closed, as a share of the clip (< 0: before it)."""
     hold: tuple[float, float] = (0.4, 1.1)  # range of the grasp's duration, as a share of the clip
     grip_frames: float = 4.0
     """Frames from the closed hand to the object's first motion, and from its last to release."""
-    shortest_move: float = 12.0  # fewest frames between rest points of the object, as recorded
+    shortest_move: float = 12.0  # fewest frames between rest points, as in recordings
     regrasp_share: float = 0.15
-    """Share of the clips whose hand opens for a moment and grasps again, the object at rest."""
-    regrasp_frames: float = 16.0  # frames from that moment to the release
+    """Share of the clips with a regrasp: the hand opens and grasps again while the object rests."""
+    regrasp_frames: float = 16.0  # frames from the regrasp to the release
     regrasp_rest: float = 8.0
-    """Frames that the object already rests before that moment, in addition to `grip_frames`."""
+    """Frames that the object rests before a regrasp, in addition to `grip_frames`."""
     regrasp_hold: float = 64.0
-    """Shortest grasp in frames that has such a moment: the object must have time to move."""
+    """Shortest grasp in frames that has a regrasp: the object needs time to move before."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Times of the events of B clips, in frames; outside of the clip for what is not seen."""
+    """Times of the events of B clips, in frames; events before or after the clip are not seen."""
 
     frames: int  # length of every clip
     close: Float[Tensor, " B"]  # the hand has closed on the object
     release: Float[Tensor, " B"]  # the hand starts to open
     lift: Float[Tensor, " B"]
-    """The object starts to move; earlier than this hand closes, where another one has it."""
+    """The object starts to move; before this hand closes if a second hand already holds it."""
     put_down: Float[Tensor, " B"]  # the object is at rest from here on
     regrasp: Float[Tensor, " B"]  # the hand is open for a moment, where `regrasps`
     regrasps: Bool[Tensor, " B"]
@@ -71,7 +71,7 @@ def minimum_jerk(x: Float[Tensor, "*S"]) -> Float[Tensor, "*S"]:
 
 
 def draw_schedule(frames: int, pairs: HandPairs, config: ScheduleConfig, draws: Draws) -> Schedule:
-    """Random times; of two hands on one object, one holds until the other one does."""
+    """Random times; the grasps of two hands on one object overlap in time."""
     second, first = pairs.second, pairs.leader
     close = draws.uniform(config.close) * frames
     hold = draws.uniform(config.hold) * frames

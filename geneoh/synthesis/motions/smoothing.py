@@ -1,4 +1,4 @@
-"""A Gaussian over the frames of made motion, which takes away its corners."""
+"""Gaussian smoothing of synthetic motion over time."""
 
 import torch
 from jaxtyping import Float
@@ -6,9 +6,9 @@ from torch import Tensor
 
 
 def smoothed_motion(values: Float[Tensor, "B T C"], deviation: float) -> Float[Tensor, "B T C"]:
-    """Values smoothed over time by a Gaussian of a deviation in frames, cut off at three of them.
+    """Values smoothed over time by a Gaussian of standard deviation `deviation` (frames).
 
-    Before the first and after the last frame they count as they are there.
+    The kernel ends at three deviations; the first and last frame are replicated beyond the ends.
     """
     reach = int(3 * deviation)
     time = torch.arange(-reach, reach + 1).to(values)

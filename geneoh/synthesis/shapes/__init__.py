@@ -1,1 +1,1 @@
-"""Made and scanned objects as solids."""
+"""Analytic and scanned objects as solids."""

@@ -1,4 +1,4 @@
-"""What families of objects are made of: solids and the joint of a second part, in plain numbers."""
+"""Building blocks of object families: solids, and the joint of a second part, as plain numbers."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ LYING, STANDING = (0.0, math.pi / 2, 0.0), (math.pi / 2, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Shape:
-    """One solid of an object; `Solids` says what its numbers mean."""
+    """One solid of an object; the fields are those of `Solids`."""
 
     kind: int
     size: Vector
@@ -28,7 +28,7 @@ class Shape:
 
     @property
     def bevel(self) -> float:
-        """The rounding that fits its size."""
+        """Rounding radius, limited by the smallest size of the solid."""
         return min(self.rounding, 0.95 * min(self.size))
 
 
@@ -52,7 +52,7 @@ def torus(ring: float, tube: float, center: Vector = ORIGIN, **rest: Any) -> Sha
 
 @dataclass(frozen=True)
 class PartJoint:
-    """What the second part of an object turns about or slides along, and how far either way."""
+    """Joint of an object's second part: axis to turn about or slide along, and range of travel."""
 
     axis: Vector
     travel: tuple[float, float]
@@ -64,7 +64,7 @@ RIGID = PartJoint((0.0, 0.0, 1.0), (0.0, 0.0))
 Drawn = list[Shape] | tuple[list[Shape], PartJoint]
 """A rigid object, or one with a second part on a joint."""
 Family = Callable[[Draw], Drawn]
-"""Draws an object of a family, with sizes in metres by `u(low, high)`."""
+"""Draws an object of a family; `u(low, high)` draws each size in metres."""
 
 
 def named(*families: Family) -> dict[str, Family]:

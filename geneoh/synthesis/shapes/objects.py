@@ -1,4 +1,4 @@
-"""Objects that people hold, as random `Solids`: of families such as mugs, and scanned ones."""
+"""Random graspable objects as `Solids`: of analytic families such as mugs, and scanned ones."""
 
 import torch
 from torch import Tensor
@@ -12,13 +12,13 @@ from geneoh.synthesis.shapes.rigid_families import RIGID_FAMILIES
 from geneoh.synthesis.shapes.scans import Scans
 from geneoh.synthesis.shapes.solids import SCAN, SOLIDS, Solids
 
-SCALES = (0.9, 1.1)  # range of the sizes in which a scanned object is drawn, relative to its own
+SCALES = (0.9, 1.1)  # range of the scale factor of a scanned object
 _ORDER = """
     box board cylinder capsule ellipsoid ring mug hammer bottle pan knife loop_tool cluster ball
     coin phone pen carton bowl plate spoon brush screwdriver scissors pliers laptop chest drawer
     kettle wine_glass mouse spray matchbox plunger
 """
-"""The order of the families, which is part of all synthetic data."""
+"""The order of the families; another order would change all synthetic data."""
 FAMILIES: dict[str, Family] = {
     name: (RIGID_FAMILIES | JOINTED_FAMILIES)[name] for name in _ORDER.split()
 }
@@ -36,7 +36,7 @@ def draw_objects(
 ) -> Solids:
     """One random object per name of a family or a scan, centred near the origin of its own frame.
 
-    A scanned object is drawn a little larger or smaller than it is.
+    Scanned objects are scaled by a factor from `SCALES`.
     """
     numbers = {} if scans is None else {name: SCAN + n for n, name in enumerate(scans.names)}
 
@@ -53,12 +53,12 @@ def draw_objects(
 
 
 def scanned_object(scans: Scans) -> Solids:
-    """The first scanned object as it is, in the frame at the middle of its bounding box."""
+    """The first scanned object, unscaled; its bounding box is centred at the origin."""
     return _solids_of([[Shape(SCAN, (1.0, 1.0, 1.0), rounding=0.0)]], scans)
 
 
 def _solids_of(drawn: list[Drawn], scans: Scans | None) -> Solids:
-    """Objects of solids, and of a joint where they have one."""
+    """A batch from the solids of each object, and the joint of those that have one."""
     pairs = [each if isinstance(each, tuple) else (each, RIGID) for each in drawn]
     solids = [[*each, *[UNUSED] * (SOLIDS - len(each))] for each, _ in pairs]
 

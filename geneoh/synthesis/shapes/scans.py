@@ -1,8 +1,8 @@
-"""Scanned objects: meshes as grids of signed distance, which batch beside the analytic solids.
+"""Scanned objects: meshes as grids of signed distance, for batches that mix them with solids.
 
-A grid covers the mesh's bounding box and a margin. Its nodes near the surface hold the exact signed
-distance (by winding number), the others one that is interpolated from every fourth node; all grids
-lie one behind the other in one tensor of half precision, so that a batch may mix any of them.
+A grid covers the mesh's bounding box and a margin. Nodes near the surface hold the exact signed
+distance (sign by winding number), the others are interpolated from every fourth node. All grids are
+concatenated in one float16 tensor, so that a batch may mix any of them.
 """
 
 import hashlib
@@ -25,28 +25,28 @@ from geneoh.geometry.mesh_files import MESH_SUFFIXES, load_mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.progress import OnStep, steps
 
-FILE = "scans.safetensors"  # holds the scanned objects of the clips of its folder
+FILE = "scans.safetensors"  # the scanned objects of the shards in the same folder
 HELD_OUT_FILE = "held_out.txt"
-"""File beside the meshes that names those for validation, one a line, with or without ending."""
+"""File beside the meshes that lists those for validation, one per line, with or without ending."""
 NOTICES = ("ATTRIBUTION*", "LICENSE*", "README*")
-"""Files beside the meshes whose text goes where copies of the meshes go."""
-MARGIN = 0.008  # width of a grid around the bounding box, metres
-NODES, FINEST = 250_000, 0.0012  # most nodes of a grid, about, and its least spacing in metres
-EXACT = 0.006  # nodes are exact up to so far from the surface beyond two coarse cells, metres
+"""Files beside the meshes whose text is stored with every copy of the meshes."""
+MARGIN = 0.008  # margin of a grid around the bounding box, metres
+NODES, FINEST = 250_000, 0.0012  # approximate limit of nodes per grid; smallest spacing, metres
+EXACT = 0.006  # nodes nearer to the surface than this plus two coarse cells are exact, metres
 SKIP = 4  # every fourth node of a grid along each axis belongs to the coarse grid
-SAMPLES = 4096  # surface points kept of each object
-HAND_SPAN = 0.09  # an object is grasped rather where it is thinner than this, metres
+SAMPLES = 4096  # surface points stored per object
+HAND_SPAN = 0.09  # grasps prefer places where the object is thinner than this, metres
 WIDE_SHARE = 0.15
-"""How often a wider place is taken, relative to the others: an edge, or what a flat hand bears."""
+"""Probability of a grasp at a wider place relative to a thin one: at an edge, or by a flat hand."""
 ARRAYS = ("half", "points", "normals", "grasped", "spacing", "shape", "start", "values")
-WORDS = ("names", "held_out", "notice")  # fields in the file, as tensors and in its record
+WORDS = ("names", "held_out", "notice")  # `ARRAYS` are stored as tensors, `WORDS` in the record
 TINY = 1e-9  # length in metres below which a vector has no direction
-CORNERS = torch.tensor(list(product((0, 1), repeat=3)))  # nodes of a cell, the last axis fastest
+CORNERS = torch.tensor(list(product((0, 1), repeat=3)))  # corners of a cell, last axis fastest
 
 
 @dataclass(frozen=True, eq=False)
 class MeshFolder(Bundle):
-    """N meshes to make objects of, each in a frame at the middle of its bounding box, metres."""
+    """N meshes in metres, each in a frame with its origin at the centre of the bounding box."""
 
     names: tuple[str, ...]  # file names of the meshes, which no family of analytic objects can have
     held_out: tuple[str, ...]  # those that are for validation alone
@@ -55,20 +55,20 @@ class MeshFolder(Bundle):
 
     @property
     def fingerprint(self) -> str:
-        """What tells these objects from others, by meshes, names and what is held out."""
+        """Hash of the meshes, their names and the held-out list, which identifies the folder."""
         words = [f"{name} {m.sha256}" for name, m in zip(self.names, self.meshes, strict=True)]
         return hashlib.sha256("\n".join([*words, *self.held_out]).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, eq=False)
 class Scans(MeshFolder):
-    """Scanned objects, with what grasps and batches need of them."""
+    """Scanned objects with their distance grids and surface points."""
 
     half: Float[Tensor, "N 3"]  # half sides of the bounding boxes
-    points: Float[Tensor, "N M 3"]  # spread evenly over the surfaces, with their outward normals
+    points: Float[Tensor, "N M 3"]  # spread evenly over the surfaces; `normals` are outward
     normals: Float[Tensor, "N M 3"]
-    grasped: Float[Tensor, "N M"]  # how likely a hand grasps at each of these points, relatively
-    spacing: Float[Tensor, " N"]  # between nodes; the first is a margin off the bounding box
+    grasped: Float[Tensor, "N M"]  # relative probability that a hand grasps at each point
+    spacing: Float[Tensor, " N"]  # between nodes, metres; grids are centred at the origin
     shape: Int[Tensor, "N 3"]
     start: Int[Tensor, " N"]  # where each grid begins in `values`
     values: Float16[Tensor, " C"]  # signed distance at the nodes of all grids
@@ -83,7 +83,8 @@ class Scans(MeshFolder):
     def lookup(
         self, which: Int[Tensor, " B"], points: Float[Tensor, "B P 3"]
     ) -> tuple[Float[Tensor, "B P"], Float[Tensor, "B P 3"]]:
-        """Signed distance and its unit gradient; off the grid, from the place nearest to it."""
+        """Signed distance and its unit gradient, by trilinear interpolation; outside the grid,
+        extrapolated from the nearest point of the grid."""
         spacing, shape = self.spacing[which, None, None], self.shape[which, None]
         low = spacing * (1 - shape) / 2
         last = shape - 1
@@ -118,14 +119,14 @@ class Scans(MeshFolder):
         generator: torch.Generator,
         to_grasp: bool = False,
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points of the surface of one object each, spread evenly, with their outward normals.
+        """Surface points of one object each, spread evenly, with their outward normals.
 
-        With `to_grasp` they are random places to grasp at, mostly where the object is thin.
+        With `to_grasp` they are drawn by the weights `grasped`: mostly where the object is thin.
         """
         order = torch.rand(len(which), SAMPLES, generator=generator)
-        if to_grasp:  # the first of arrivals whose rates are the weights
+        if to_grasp:  # sorted exponential times of these rates sample without replacement
             order = order.log().neg() / self.grasped[which]
-        # again from the first where there are fewer
+        # repeated from the first if more than all are requested
         chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]
         return self.points[which[:, None], chosen], self.normals[which[:, None], chosen]
 
@@ -134,8 +135,8 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
     """The meshes of a folder, in the order of their names.
 
     Raises:
-        InputError: no mesh is there, one is broken or of the wrong size for a hand, or a name that
-            is held out is no mesh.
+        InputError: there is no mesh, one is broken or of the wrong size for a hand, or a held-out
+            name is not that of a mesh.
     """
     paths = sorted(p for p in folder.glob("*") if p.suffix.lower() in MESH_SUFFIXES)
     if not paths:
@@ -216,7 +217,7 @@ def distance_grid(
 def find_scans(
     data: Path, objects: Path | None, unit: Unit = "m", *, on_mesh: OnStep | None = None
 ) -> Scans | None:
-    """The scanned objects of a folder of meshes, built once and kept in the folder of the shards.
+    """The scanned objects of a folder of meshes, built once and cached in the folder of shards.
 
     Raises:
         InputError: as `read_folder` and `build_scans`, or the shards were made with other objects.
@@ -239,7 +240,7 @@ def find_scans(
 
 
 def write_scans(path: Path, scans: Scans) -> None:
-    """Keep scanned objects, with their attribution."""
+    """Write scanned objects to a file, with their attribution."""
     tensors = {name: getattr(scans, name) for name in ARRAYS}
     for index, mesh in enumerate(scans.meshes):
         tensors |= {f"verts.{index}": mesh.verts, f"faces.{index}": mesh.faces.int()}
@@ -247,7 +248,7 @@ def write_scans(path: Path, scans: Scans) -> None:
 
 
 def read_scans(path: Path) -> Scans:
-    """Scanned objects that were kept; `InputError` if the file is missing or broken."""
+    """Scanned objects from the file of `write_scans`; `InputError` if it is missing or broken."""
     try:
         with opened_tensors(path) as (kept, record):
             meshes = tuple(

@@ -1,8 +1,8 @@
-"""Objects: batched unions of simple solids, and scanned ones; distance to points, surface.
+"""Batched objects, as unions of simple solids or as scans: signed distance and surface points.
 
-Every object is a union of at most `SOLIDS` solids (box, cylinder, ellipsoid, torus), each with a
-pose and a rounding radius, or is a scanned object, so that any mixture of objects is evaluated at
-once. Some objects have a second part that turns about a hinge or slides.
+Every object is either a union of at most `SOLIDS` solids (box, cylinder, ellipsoid, torus), each
+with a pose and a rounding radius, or a scanned object; one batch may mix them. Some objects have a
+second part that turns about a hinge or slides.
 """
 
 from dataclasses import dataclass, replace
@@ -41,8 +41,9 @@ class Solids(Bundle):
     slides: Bool[Tensor, " B"]
     """Whether the second part slides along the axis (metres) or turns about it (radians)."""
     travel: Float[Tensor, "B 2"]
-    """Range of the joint from the drawn state, in metres or radians; zero for rigid objects."""
-    scans: Scans | None = None  # the scanned objects that kinds from SCAN on mean
+    """Range of the joint, relative to the state in which the object is drawn, in metres or radians;
+    zero for rigid objects."""
+    scans: Scans | None = None  # the scanned objects that kinds from SCAN on refer to
 
     @property
     def jointed(self) -> Bool[Tensor, " B"]:
@@ -51,12 +52,12 @@ class Solids(Bundle):
 
     @property
     def scan(self) -> Int[Tensor, " B"]:
-        """Number of the scanned object that the first solid is; negative for a simple solid."""
+        """Index of the scanned object in `scans`; negative for a union of simple solids."""
         return self.kind[:, 0] - SCAN
 
     @property
     def extents(self) -> Float[Tensor, "B 3"]:
-        """About how far an object reaches along each axis of its frame, metres."""
+        """Approximate largest |coordinate| of an object along each axis of its frame, metres."""
         ring, tube, _ = self.size.unbind(-1)
         flat = torch.stack([ring + tube, ring + tube, tube], dim=-1)
         size = torch.where((self.kind == TORUS)[..., None], flat, self.size.abs())
@@ -67,12 +68,12 @@ class Solids(Bundle):
         return (reach * (self.center[..., :1] < FAR / 2)).amax(1)
 
     def only(self, part: int) -> "Solids":
-        """The objects with one part alone; where there is no such part, with no solid at all."""
+        """The objects reduced to one part; an object without that part has no solid left."""
         away = (self.part != part)[..., None]
         return replace(self, center=torch.where(away, FAR, self.center))
 
     def mirrored(self) -> "Solids":
-        """The mirror images at x = 0, which turn the object of a left hand into a right hand's."""
+        """The mirror images at x = 0: a right hand on them mirrors a left hand on the objects."""
         scanned = (self.kind >= SCAN)[..., None]
         return replace(
             self,
@@ -141,7 +142,7 @@ class Solids(Bundle):
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Points spread over the surface with their outward normals.
 
-        With `to_grasp` those of scanned objects are random places to grasp at.
+        With `to_grasp`, points of scanned objects prefer graspable places (`Scans.draw_points`).
         """
         if self.scans is None:
             return self._projected(count, generator=generator)

@@ -9,14 +9,14 @@ from geneoh.synthesis.shapes.solids import FAR, TORUS, Solids
 
 SPACING = 0.002  # between grid points of marching cubes, metres; the thinnest parts are 3 mm thick
 COARSEST, THICKNESS_SHARE = 0.004, 0.6
-"""Spacing for pictures: at most so many metres, and this share of the thinnest thickness."""
-MARGIN = 0.005  # width of the grid around an object, metres
+"""Spacing for pictures: the largest in metres, and as a share of the thinnest solid's thickness."""
+MARGIN = 0.005  # margin of the grid around an object, metres
 
 
 def mesh_of_solid(solid: Solids, spacing: float = SPACING) -> Mesh:
     """The surface of one object as a closed mesh, by marching cubes on its signed distance.
 
-    Only edges are rounded, by about the spacing; a scanned object has a mesh of its own.
+    Edges are rounded by about the spacing. A scanned object returns its own mesh.
     """
     centre, size, turn = solid.center[0], solid.size[0], solid.rotation[0]
     if solid.scans is not None and int(solid.scan) >= 0:
@@ -26,7 +26,7 @@ def mesh_of_solid(solid: Solids, spacing: float = SPACING) -> Mesh:
     ring = (solid.kind[0] == TORUS)[:, None]
     outer = size[:, :2].sum(-1, keepdim=True)
     used = centre[:, 0] < FAR / 2
-    # the grid is aligned with the corner of balls around the solids and covers boxes around them
+    # the grid starts at the corner of the solids' bounding balls but spans their bounding boxes
     ball = torch.where(ring, outer, size.norm(dim=-1, keepdim=True)) + MARGIN
     half = torch.where(ring, torch.cat([outer, outer, size[:, 1:2]], -1), size)
     box = (turn.abs() @ half[..., None])[..., 0] + MARGIN
