@@ -1,6 +1,6 @@
-"""Inverse kinematics of the arms: collars, shoulders, elbows and wrists from where the hands are.
+"""Inverse kinematics of the arms: collars, shoulders, elbows and wrists from the wrists' poses.
 
-Analytic, by the law of cosines, frame by frame; differentiable away from a stretched arm.
+Closed form by the law of cosines, frame by frame; differentiable away from a stretched arm.
 """
 
 from dataclasses import replace
@@ -16,16 +16,16 @@ from geneoh.choices import SIDES, Side
 from geneoh.geometry.rotations import axes_along, axis_angle_to_matrix, matrix_to_quat_wxyz
 
 ELBOW_TOWARDS = (0.45, -1.0, -0.35)
-"""Where a relaxed elbow points, in the chest's frame: down, out and back; for the left arm."""
+"""Direction of a relaxed left elbow in the chest's frame: out (+x), down (-y), back (-z)."""
 COLLAR_SHARE = 0.15
-"""Of the turn from the arm of the T-pose to the hand, what the collar takes; the shoulder blade
-follows a raised arm, by up to a third of its elevation (Inman et al. 1944)."""
+"""Share of the rotation from the T-pose arm to the wrist's direction that the collar takes. The
+shoulder blade follows a raised arm by up to a third of its elevation (Inman et al. 1944)."""
 MOST_COLLAR = 0.35
-"""Radians that the collar turns at most."""
+"""Largest rotation of the collar, radians."""
 FOREARM_TWIST = 0.6
-"""Of the turn of the hand about the forearm, what the elbow joint takes; the wrist has the rest."""
+"""Share of the hand's twist about the forearm that the elbow takes; the wrist has the rest."""
 LONGEST_REACH = 0.999
-"""Of the length of the stretched arm; a target beyond it is not reached."""
+"""Largest distance from shoulder to wrist, as a share of the stretched arm's length."""
 
 
 def reach(
@@ -35,16 +35,16 @@ def reach(
     rotations: Float[Tensor, "*B T 2 3 3"],
     swivel: Float[Tensor, "*#B #T 2"] | None = None,
 ) -> BodyMotion:
-    """The motion with arms that bring both wrists to where they should be.
+    """The motion with arms that bring both wrists to target positions and rotations.
 
     Args:
-        skeleton: whose arms.
-        motion: root, legs, spine and fingers, which stay; its arms are not used.
-        positions: of the left and the right wrist in the world, metres. Beyond the reach of an arm
-            the hand stays on the line from the shoulder to it.
-        rotations: of the wrists against the world, which are always met.
-        swivel: radians by which each elbow is turned from its relaxed place about the line from
-            shoulder to wrist; positive lifts it outwards on both sides.
+        skeleton: bone offsets of the body.
+        motion: its root, legs, spine and fingers are kept, its arms are replaced.
+        positions: targets of the left and the right wrist in the world, metres. For a target out of
+            reach the wrist is placed on the line from the shoulder to it.
+        rotations: target wrist-to-world rotations, which are always met.
+        swivel: rotation of each elbow from its relaxed position about the line from shoulder to
+            wrist, radians; positive lifts the elbow outwards on both sides.
     """
     posed = pose(skeleton, motion)
     chest = JOINT_NAMES.index("spine3")
@@ -69,11 +69,11 @@ def forearm(
     place: Float[Tensor, "*B 3"],
     swivel: Float[Tensor, "*#B"] | float = 0.0,
 ) -> Float[Tensor, "*B 3 3"]:
-    """Rotation against the chest of a forearm that is not twisted, for a wrist at a place.
+    """Rotation, in the chest's frame, of an untwisted forearm whose wrist is at `place`.
 
-    Turns of the hand against it stay in the range of a person's where they are interpolated; those
-    against the chest do not. `place` is that of the wrist from where the shoulder is in the T-pose,
-    in the chest's frame, metres; `swivel` is as `reach` takes it.
+    Interpolated hand rotations stay anatomically possible relative to this forearm, but not
+    relative to the chest. `place` is the wrist relative to the T-pose shoulder, in the chest's
+    frame, metres; `swivel` is as in `reach`.
     """
     bones = [skeleton.offsets[joint] for joint in _arm(side)[1:]]
     chest = torch.eye(3).to(place).expand(*place.shape[:-1], 3, 3)
@@ -81,7 +81,7 @@ def forearm(
 
 
 def _arm(side: Side) -> list[int]:
-    """Collar, shoulder, elbow and wrist."""
+    """Joint indices of collar, shoulder, elbow and wrist."""
     joints = [WRISTS[side]]
     while JOINT_NAMES[joints[0]] != f"{side}_collar":
         joints.insert(0, PARENTS[joints[0]])
@@ -95,8 +95,8 @@ def _solve(
     bones: list[Tensor],
     swivel: Tensor | float,
 ) -> list[Tensor]:
-    """Global rotations of collar, shoulder and a forearm without twist; `target` is the wrist's
-    place from the collar."""
+    """World rotations of collar, shoulder and an untwisted forearm; `target` is the position of the
+    wrist relative to the collar, in the world."""
     to_shoulder, upper, fore = (bone.expand_as(target) for bone in bones)
     collar = chest @ _collar(upper, (chest.transpose(-1, -2) @ target[..., None])[..., 0])
     target = target - (collar @ to_shoulder[..., None])[..., 0]
@@ -118,7 +118,7 @@ def _solve(
 def _with_hand(
     solved: list[Tensor], hand: Float[Tensor, "*B 3 3"], fore: Float[Tensor, "*#B 3"]
 ) -> list[Tensor]:
-    """Global rotations of collar, shoulder, elbow and wrist: the forearm follows a turned hand."""
+    """World rotations of collar, shoulder, elbow and wrist; the elbow takes its share of twist."""
     collar, shoulder, straight = solved
     axis = normalize(fore, dim=-1).expand_as(hand[..., 0])
     twist = _twist(straight.transpose(-1, -2) @ hand, axis)
@@ -126,7 +126,7 @@ def _with_hand(
 
 
 def _collar(upper: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
-    """The collar's turn in the chest's frame, towards a hand there."""
+    """Rotation of the collar in the chest's frame, towards a wrist at `target` in this frame."""
     start, end = normalize(upper, dim=-1), normalize(target, dim=-1)
     across = torch.linalg.cross(start, end)
     sine = across.norm(dim=-1, keepdim=True)
@@ -148,7 +148,7 @@ def _elbow_side(
     along = normalize(target, dim=-1)
     relaxed = normalize(relaxed - (relaxed * along).sum(-1, keepdim=True) * along, dim=-1)
     turn = sign * torch.as_tensor(swivel, dtype=target.dtype, device=target.device)
-    # lifting the left elbow outwards turns it about the arm from below to the left
+    # a positive rotation about `along` lifts the left elbow outwards, and lowers the right one
     return (axis_angle_to_matrix(turn[..., None] * along) @ relaxed[..., None])[..., 0]
 
 
@@ -158,12 +158,12 @@ def _aligned(
     bone: Float[Tensor, "*B 3"],
     hinge: Float[Tensor, "*B 3"],
 ) -> Float[Tensor, "*B 3 3"]:
-    """The rotation that takes one bone, and the plane of its hinge, to another."""
+    """The rotation that maps a rest bone and its hinge axis to a posed bone and its hinge axis."""
     return axes_along(bone, hinge) @ axes_along(rest_bone, rest_hinge).transpose(-1, -2)
 
 
 def _twist(rotation: Float[Tensor, "*B 3 3"], axis: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3"]:
-    """The part of a rotation about a unit axis, as an axis-angle vector within half a turn."""
+    """The twist of a rotation about a unit axis, as an axis-angle vector of at most half a turn."""
     quat = matrix_to_quat_wxyz(rotation)
     along = (quat[..., 1:] * axis).sum(-1, keepdim=True)
     return 2 * torch.atan2(along, quat[..., :1]) * axis

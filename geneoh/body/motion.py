@@ -11,7 +11,7 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.kinematics import tree_kinematics
 
 FOOT_HEIGHT = REST_BODY["left_foot"][1]
-"""Of the lowest joint of a body that stands on the ground, metres."""
+"""Height of the lowest joint of a body that stands on the ground, metres."""
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class BodyMotion(Bundle):
     root: Float[Tensor, "*B T 3"]
     """Position of the pelvis in the world, metres."""
     rotations: Float[Tensor, "*B T 52 3 3"]
-    """Each joint's in its parent's frame, the root's in the world; the identity in the T-pose with
-    flat hands."""
+    """Rotation of each joint in its parent's frame, of the root in the world; the identity in the
+    T-pose with flat hands."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class PosedBody(Bundle):
     positions: Float[Tensor, "*B T 52 3"]
     """Metres."""
     rotations: Float[Tensor, "*B T 52 3 3"]
-    """Each joint's against the world."""
+    """Joint-to-world rotations."""
 
 
 def pose(skeleton: Skeleton, motion: BodyMotion) -> PosedBody:
@@ -42,23 +42,23 @@ def pose(skeleton: Skeleton, motion: BodyMotion) -> PosedBody:
 
 
 def body_local_rotations(rotations: Float[Tensor, "*B T 52 3 3"]) -> Float[Tensor, "*B T 52 3 3"]:
-    """A body's rotations in the parents' frames from those in the world; inverse of `pose`."""
+    """Rotations in the parents' frames from joint-to-world ones; the inverse of `pose`."""
     above = rotations[..., list(PARENTS[1:]), :, :].transpose(-1, -2)
     return torch.cat([rotations[..., :1, :, :], above @ rotations[..., 1:, :, :]], dim=-3)
 
 
 def turned_body(motion: BodyMotion, world: Float[Tensor, "3 3"]) -> BodyMotion:
-    """The same motion seen in a world that is turned: p_new = world @ p."""
+    """The same motion in a rotated world frame: p_new = world @ p."""
     rotations = motion.rotations.clone()
     rotations[..., 0, :, :] = world @ motion.rotations[..., 0, :, :]
     return BodyMotion(motion.root @ world.T, rotations)
 
 
 def grounded(skeleton: Skeleton, motion: BodyMotion) -> BodyMotion:
-    """The same motion over a ground at y = 0, on which the lowest joint of all frames stands.
+    """The same motion over ground at y = 0: the lowest joint of all frames is at `FOOT_HEIGHT`.
 
-    SMPL's translation lacks the height of the pelvis where the body model is not known, and BOTH57M
-    begins every clip at the origin.
+    Heights in files are unreliable: SMPL's translation lacks the pelvis' height if the body model
+    is unknown, and BOTH57M begins every clip at the origin.
     """
     lowest = pose(skeleton, motion).positions[..., 1].amin((-2, -1))[..., None, None]
     up = motion.root.new_tensor((0.0, 1.0, 0.0))

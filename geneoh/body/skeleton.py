@@ -73,7 +73,8 @@ class Skeleton(Bundle):
     """The rest pose of one person's body and hands."""
 
     offsets: Float[Tensor, "*B 52 3"]
-    """Each joint from its parent in the T-pose, metres, y up, facing +z; the root's is zero."""
+    """Position of each joint relative to its parent in the T-pose, metres, y up, facing +z; zero
+    for the root."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Clips from noise alone: the reverse process of both generators."""
+"""Clips from noise alone: the reverse diffusion process of both generators."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -12,9 +12,9 @@ from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas, logarithmi
 from geneoh.progress import OnStep
 
 Answer = Callable[[Tensor, Float[Tensor, ""]], Tensor]
-"""From noisy numbers and the number of their noise level, 0 to 1,000, to clean ones."""
+"""A denoiser: from noisy features and the index of their noise level, 0 to 1,000, to clean ones."""
 Sampler = Literal["multistep", "ancestral"]
-"""How noise is taken away: in few steps without new noise, or as in the papers."""
+"""Sampler: "multistep", with few steps and no new noise, or "ancestral", as in the papers."""
 
 
 def from_noise(
@@ -27,9 +27,9 @@ def from_noise(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
-    """Numbers of a shape that a network makes of noise, on the device of its noise `levels`.
+    """A sample of a shape, on the device of `levels`, the noise's standard deviation at each level.
 
-    It is asked `steps` times, each time at the level that is nearest to the noise there is.
+    The denoiser runs `steps` times, each time at the level nearest to the current noise.
     """
 
     def clean(x: Tensor, sigma: float) -> Tensor:

@@ -1,6 +1,6 @@
-"""Sentences to pieces of words: byte-pair encoding learned on our own captions and word lists.
+"""Sentences to pieces (subword tokens): byte-pair encoding learned on our captions and word lists.
 
-Words outside them, and misspelt ones, fall into several pieces.
+Unknown and misspelt words fall into several pieces.
 """
 
 import re
@@ -29,7 +29,7 @@ def words_of(sentence: str) -> list[str]:
 
 
 def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:
-    """A vocabulary of at most `count` pieces, of which number 0 is the padding."""
+    """A tokenizer with a vocabulary of at most `count` pieces; index 0 is the padding."""
     tokenizer = Tokenizer(BPE(unk_token=_UNKNOWN, fuse_unk=True))
     tokenizer.pre_tokenizer = WhitespaceSplit()
     special = ["", _UNKNOWN]
@@ -45,14 +45,14 @@ def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:
 
 
 def vocabulary_of(record: Mapping[str, Any], path: Path) -> Tokenizer:
-    """The vocabulary of a network that reads words itself, in the record of its weights.
+    """The tokenizer that is stored with the weights of a network that encodes sentences itself.
 
     Raises:
         CheckpointError: the record holds no vocabulary; the message names the file.
     """
     try:
         return Tokenizer.from_str(record["tokenizer"])
-    except Exception as error:  # the library tokenizers raises plain ones
+    except Exception as error:  # tokenizers raises plain Exceptions
         raise CheckpointError(
             f"{path}: expected weights with their vocabulary, got others "
             f"({str(error).splitlines()[-1].strip()}); train them again"
@@ -60,21 +60,21 @@ def vocabulary_of(record: Mapping[str, Any], path: Path) -> Tokenizer:
 
 
 def marked(words: Sequence[str]) -> str:
-    """Words with the sign of their start, as the tokenizer reads them."""
+    """Words joined by spaces, each with the start mark that the tokenizer expects."""
     return " ".join(_START + word for word in words)
 
 
 def sentence_numbers(
     tokenizer: Tokenizer, sentences: Iterable[str], longest: int
 ) -> Int[Tensor, "B N"]:
-    """Numbers of the pieces of sentences as they are written; see `piece_numbers`."""
+    """Indices of the pieces of plain sentences; see `piece_numbers`."""
     return piece_numbers(tokenizer, [marked(words_of(each)) for each in sentences], longest)
 
 
 def piece_numbers(
     tokenizer: Tokenizer, marked_sentences: Sequence[str], longest: int
 ) -> Int[Tensor, "B N"]:
-    """Numbers of the pieces of marked sentences, filled up with `PAD` to the longest one."""
+    """Indices of the pieces of marked sentences, at most `longest`, padded with `PAD`."""
     unknown = tokenizer.token_to_id(_UNKNOWN)
     rows = [
         (encoding.ids or [unknown])[:longest]

@@ -1,4 +1,4 @@
-"""A user's sentence as text: out of a file, and refused where it is not English."""
+"""A user's sentence: read from the command line or a file, and refused where it is not English."""
 
 import difflib
 from collections.abc import Collection, Sequence
@@ -9,12 +9,12 @@ from geneoh.files.reading import read_bytes
 
 LONGEST = 60  # words; a sentence of Text2HOI has 8, a description of BOTH57M 14 to 33
 ENGLISH = 0.4  # least share of words that must be known for a sentence to count as English
-ALIKE = 0.8  # least likeness of a misspelt word and the word that is meant
-FILE_LIMIT = 100_000  # bytes of a file with a prompt
+ALIKE = 0.8  # least similarity (difflib) of a misspelt word to the word that is meant
+FILE_LIMIT = 100_000  # largest size of a file with a prompt, bytes
 
 
 def prompt_text(argument: str) -> str:
-    """The sentence of a command line: itself, or that in a file, as `@FILE` or as a path.
+    """The sentence of a command line: the argument, or the text of a file (`@FILE` or a path).
 
     Raises:
         InputError: the file cannot be read as one line of text.
@@ -48,9 +48,9 @@ def refused(sentence: str, why: str) -> InputError:
 def check_english(
     sentence: str, words: Sequence[str], known: Collection[str], *, on: str, example: str
 ) -> None:
-    """Refuse a text without words, with too many, or with too few that are known.
+    """Raise `InputError` for a text without words, with too many, or with too few known ones.
 
-    `on` says what a sentence is on, and `example` is one, both for the message.
+    For the message, `on` is the topic of valid sentences and `example` is one of them.
     """
     remedy = f"write one such as {example}"
     if not words:

@@ -1,4 +1,4 @@
-"""A Gaussian over the frames of generated clips, which takes away what shakes."""
+"""Gaussian smoothing of generated clips over time, which removes jitter."""
 
 import torch
 from jaxtyping import Float, Int
@@ -9,10 +9,9 @@ from torch import Tensor
 def smoothed_clips(
     clips: Float[Tensor, "B T N"], deviation: float, lengths: Int[Tensor, " B"] | None = None
 ) -> Float[Tensor, "B T N"]:
-    """Clips with a Gaussian of a deviation in frames over each of their numbers; 0 is for none.
+    """Each feature smoothed over time; `deviation` is the Gaussian's, in frames, 0 for none.
 
-    Beyond its ends a clip stays as in its first and last frame; frames after its length are the
-    last.
+    A clip is padded with its first and last frame; frames after its length repeat the last one.
     """
     if not deviation:
         return clips

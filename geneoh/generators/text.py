@@ -1,4 +1,4 @@
-"""Text encoders, from sentences to vectors, and the models that users bring, such as CLIP."""
+"""Text encoders, which map sentences to vectors, and external ones that users bring (CLIP)."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -11,14 +11,14 @@ from torch import Tensor
 from geneoh.errors import ConfigError, InputError
 
 KEPT = 4096
-"""Sentences whose vectors are kept, the latest: training tells new ones in every step."""
+"""Number of latest sentences whose vectors are cached: training draws new ones in every step."""
 
 
 class TextEncoder:
-    """Sentences to vectors of `width` features, each of the latest sentences only once.
+    """Maps sentences to vectors of `width` features, and caches those of the latest sentences.
 
-    Each is embedded alone: beside others its vector would have other last bits, and a run that goes
-    on after an interruption would take other steps.
+    Each sentence is embedded alone: in a batch the last bits of its vector would depend on the
+    others, and a resumed training run would differ from an uninterrupted one.
     """
 
     def __init__(self, width: int, embed: Callable[[list[str]], Tensor]) -> None:
@@ -38,8 +38,8 @@ class TextEncoder:
 
 
 def foreign_encoder(folder: Path) -> TextEncoder:
-    """The text side of a CLIP model, or the mean of the last states of another one (as
-    sentence-transformers does), scaled to the length 1 in both cases.
+    """The text encoder of a CLIP model, or mean pooling over the last hidden states of another
+    model (as in sentence-transformers); vectors have unit length in both cases.
 
     Raises:
         InputError: the folder holds no model that can be used.

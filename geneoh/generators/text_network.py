@@ -11,7 +11,7 @@ from geneoh.config import Limits
 from geneoh.nn.blocks import check_heads, drawn
 from geneoh.nn.sizes import NetworkConfig
 
-PAD = 0  # the piece that fills up short sentences
+PAD = 0  # index of the piece that pads short sentences
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class SentenceConfig(NetworkConfig):
 
     LIMITS: ClassVar[Limits] = {"pieces": (2, 65536)}
 
-    pieces: int = 2048  # of the vocabulary
-    piece_width: int = 64  # features of a piece, fewer than `width` because there are many pieces
+    pieces: int = 2048  # size of the vocabulary
+    piece_width: int = 64  # features of a piece's embedding; small to keep the table small
     width: int = 128  # features of a sentence
     depth: int = 1
     heads: int = 4
-    longest: int = 40  # pieces of a sentence; what comes after them is not read
+    longest: int = 40  # most pieces of a sentence; the rest is cut off
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class TextConfig(SentenceConfig):
 
 
 class Reading(NamedTuple):
-    """A sentence as the heads read it: scores before the softmax."""
+    """Logits of the heads for B sentences."""
 
     verbs: Float[Tensor, "B V"]
     hands: Float[Tensor, "B H"]
@@ -46,8 +46,8 @@ class Reading(NamedTuple):
 
 
 class SentenceNetwork(nn.Module):
-    """Pieces of words to one vector a sentence, with a mean of about 0 and a variance of about 1
-    over its features."""
+    """Maps the pieces of a sentence to one vector, whose features have about zero mean and unit
+    variance."""
 
     def __init__(self, config: SentenceConfig) -> None:
         check_heads(config.width, config.heads, unit=1)
@@ -66,13 +66,13 @@ class SentenceNetwork(nn.Module):
         self.norm = nn.LayerNorm(width)
 
     def forward(self, pieces: Int[Tensor, "B N"]) -> Float[Tensor, "B W"]:
-        """A vector for each sentence; rows end in `PAD`, and hold one piece or more."""
+        """A vector for each sentence; rows are padded with `PAD` and hold at least one piece."""
         return self.read_pieces(pieces)[0]
 
     def read_pieces(
         self, pieces: Int[Tensor, "B N"]
     ) -> tuple[Float[Tensor, "B W"], Float[Tensor, "B M W"], Bool[Tensor, "B M"]]:
-        """The vectors of sentences, those of the pieces that are read, and which of these are."""
+        """Vectors of sentences, vectors of their pieces, and the mask of pieces without padding."""
         pieces = pieces[:, : self.config.longest]
         padded = pieces == PAD
         tokens = self.widen(self.pieces(pieces)) + self.places[: pieces.shape[1]]
@@ -82,7 +82,7 @@ class SentenceNetwork(nn.Module):
 
 
 class TextNetwork(SentenceNetwork):
-    """The network of Text2HOI, whose heads name what a sentence says."""
+    """The text encoder of Text2HOI, with heads that classify verb, hands and noun."""
 
     config: TextConfig
 
@@ -93,5 +93,5 @@ class TextNetwork(SentenceNetwork):
         self.nouns = nn.Linear(config.width, config.nouns)
 
     def read(self, sentence: Float[Tensor, "B W"]) -> Reading:
-        """What the heads make of the vectors of sentences."""
+        """Logits of the heads for vectors of sentences."""
         return Reading(self.verbs(sentence), self.hands(sentence), self.nouns(sentence))

@@ -1,11 +1,11 @@
-"""Forms of English verbs, of phrasal verbs such as "put down" too."""
+"""Inflected forms of English verbs, including phrasal verbs such as "put down"."""
 
 import re
 from itertools import pairwise
 
 _VOWELS = "aeiou"
 _DOUBLED = frozenset({"transfer", "uncap", "unplug", "unzip"})
-"""Verbs of two syllables that double their last letter, as those of one do."""
+"""Verbs of two syllables that double their last letter, as verbs of one syllable do."""
 _IRREGULAR = """
     break broken, bring brought, cut cut, draw drawn, drink drunk, eat eaten, feel felt, fly flown,
     give given, grind ground, hold held, lay laid, make made, put put, read read, see seen, set set,
@@ -27,7 +27,7 @@ def gerund(verb: str) -> str:
 
 
 def third_person(verb: str) -> str:
-    """The form after one hand: "carries" of "carry"."""
+    """The third person singular: "carries" of "carry"."""
     word, rest = _split(verb)
     if _ends_in_y(word):
         return f"{word[:-1]}ies{rest}"
@@ -50,7 +50,7 @@ def forms(verb: str) -> tuple[str, str, str, str]:
 
 
 def _split(verb: str) -> tuple[str, str]:
-    """The word that is inflected, and what follows it with the space before."""
+    """The first word, which is inflected, and the rest with its leading space."""
     word, space, rest = verb.partition(" ")
     return word, space + rest
 

@@ -1,4 +1,4 @@
-"""Words for what hands do and for what they hold."""
+"""Verbs for what hands do, and nouns for the objects they hold, with synonyms."""
 
 import re
 
@@ -27,7 +27,7 @@ VERB_WORDS: dict[str, tuple[str, ...]] = {
     "close": ("close", "shut", "fold", "close up", "push shut", "cover", "lock", "fold up"),
     "pass": ("pass", "hand over", "transfer", "pass over", "switch", "swap", "hand", "give"),
 }
-"""Verbs and verbal phrases for each verb of made actions; the first is the paper's phrasing."""
+"""Synonyms of each verb of synthetic actions; the first one is the paper's phrasing."""
 
 PARTICLES = frozenset({"up", "down", "over", "out", "around", "back", "open", "shut", "away"})
 """Last words of phrasal verbs that may follow the object: "pick the mug up"."""
@@ -77,7 +77,7 @@ NOUN_WORDS: dict[str, tuple[str, ...]] = {
     "toy": ("toy", "object", "thing", "gadget"),
     "wine glass": ("wine glass", "glass", "goblet"),
 }
-"""Other words for what is held; nouns that are not listed stand for themselves."""
+"""Synonyms of each noun for a held object; a noun that is not listed has none but itself."""
 
 PLURAL = frozenset(
     {"scissors", "shears", "pliers", "tongs", "pincers", "eyeglasses", "glasses", "binoculars"}
@@ -85,7 +85,7 @@ PLURAL = frozenset(
 )
 """Nouns that take no "a", and "are" in the passive."""
 MASS = frozenset({"milk", "cocoa", "lotion", "ketchup", "toothpaste"})
-"""Nouns of what is not counted, which take no "a" either."""
+"""Mass nouns, which take no "a" either."""
 
 _NOUNS = {
     "bleach_cleanser": "bottle",
@@ -113,15 +113,15 @@ _NOUNS = {
     "windex_bottle": "spray bottle",
     "wine_glass": "wine glass",
 }
-"""Nouns of names whose last word is none."""
+"""Nouns for object names whose last word is not the noun."""
 _SINGULAR = {"cups": "cup", "baseball": "ball", "softball": "ball", "racquetball": "ball"}
 
 
 def noun_of(name: str) -> str:
     """The noun for an object family ("wine_glass") or a scanned object ("gso_black_razer_mouse").
 
-    The source and number in front are left out; of names that are not in the table the last word
-    is taken.
+    A leading source and number are dropped; for a name that is not in the table the last word is
+    the noun.
     """
     plain = re.sub(r"^(gso|ycb)_", "", name.lower())
     plain = re.sub(r"^\d+(-[a-z])?_", "", plain)

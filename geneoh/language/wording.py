@@ -1,4 +1,4 @@
-"""Random choices of words, and typing errors, for sentences that networks learn from."""
+"""Random choices of words, and typing errors, for training sentences."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -14,7 +14,7 @@ def one_of(options: Sequence[Choice], generator: torch.Generator) -> Choice:
 
 
 def chance(share: float, generator: torch.Generator) -> bool:
-    """True in a share of all draws."""
+    """True with the probability `share`."""
     return float(torch.rand((), generator=generator)) < share
 
 

@@ -1,10 +1,10 @@
 """The network that blends the hands of the body with those of the sentence (paper, section 4.3).
 
-The first block asks the sentence's hands with the body's, the second one the body's hands with the
-answer, and so on; every block is used, where the paper's code leaves the last one out. Ours adds
-the outcome to the weighted mean of both and blends in every step of the reverse process, in which
-both networks see the same noisy hands: their answers then belong together. The paper blends hands
-that two processes made (`form="paper"`).
+In the first block the body's hands attend to the sentence's, in the second the result attends to
+the body's hands, and so on; every block is used, where the paper's code leaves the last one out.
+Ours adds the output to the weighted mean of both and blends in every step of the reverse process,
+in which both networks denoise the same noisy hands, so that their predictions fit each other. The
+paper blends hands of two separate reverse processes (`form="paper"`).
 """
 
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ class BlendConfig(NetworkConfig):
     body_weight: float = 0.8  # w_B, of the body's hands in the weighted mean
     text_weight: float = 0.2  # w_T, of the sentence's
     repeats: int = 3
-    """How often finished hands go through the paper's form, each time with those of the sentence;
-    ours blends in every step of the process instead."""
+    """How often the paper's form blends the finished hands, each time with the sentence's again;
+    ours blends in every step of the reverse process instead."""
 
 
 class Blender(nn.Module):
-    """Two pairs of hands on one body to one pair, all as numbers of the body's network."""
+    """Blends two predictions of the hands on one body, normalised as in the body's network."""
 
     def __init__(self, config: BlendConfig) -> None:
         super().__init__()
@@ -59,7 +59,7 @@ class Blender(nn.Module):
         text: Float[Tensor, "B T 270"],
         level: Float[Tensor, " B"],
     ) -> Float[Tensor, "B T 270"]:
-        """One blend of hands; `level` is the number of the noise level that both come from."""
+        """The blended hands; `level` is the index of the noise level of both predictions."""
         of_body, of_text = self._tokens(body), self._tokens(text)
         found = of_body
         if self.level is not None:
@@ -72,7 +72,7 @@ class Blender(nn.Module):
     def mean(
         self, body: Float[Tensor, "B T 270"], text: Float[Tensor, "B T 270"]
     ) -> Float[Tensor, "B T 270"]:
-        """The weighted mean of both, w_B X_B + w_T X_T, which the paper's loss aims at."""
+        """The weighted mean of both, w_B X_B + w_T X_T, which is the target of the paper's loss."""
         return self.config.body_weight * body + self.config.text_weight * text
 
     def _tokens(self, hands: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S D"]:

@@ -26,15 +26,15 @@ class Both2HandsConfig(RunConfig):
     decay: float = 0.6
     ema: float = 0.995
     error: Literal["squared", "absolute"] = "squared"
-    """What is averaged over numbers: squared errors, whose best answer is the mean; or absolute
-    ones (paper)."""
-    velocity: float = 1.0  # weight of the same of differences between frames (paper: 0)
+    """Error that the loss averages: squared, whose best prediction is the mean; or absolute
+    (paper)."""
+    velocity: float = 1.0  # weight of this error for differences between frames (paper: 0)
     gestures: float = 0.3
-    """Weight of naming what each hand does, from which words are learned sooner than from hands
-    (paper: 0); only clips that are labelled count."""
+    """Weight of the cross-entropy of each hand's gesture, which teaches words sooner than the hands
+    do (paper: 0); only labelled clips count."""
     target: Literal["hands", "mean"] = "hands"
-    """What blended hands are to be: the true ones, so that the sentence counts wherever it tells
-    more than the body; or the weighted mean of both answers (paper)."""
+    """Target of blended hands: the true ones, so that the sentence counts wherever it tells more
+    than the body; or the weighted mean of both predictions (paper)."""
     body_hands: HandsConfig = field(default_factory=HandsConfig)
     text_hands: TextHandsConfig = field(default_factory=TextHandsConfig)
     blend: BlendConfig = field(default_factory=BlendConfig)

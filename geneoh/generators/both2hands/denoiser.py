@@ -1,9 +1,9 @@
-"""The two networks that denoise hands: one is told the body's motion, the other one a sentence.
+"""The two networks that denoise hands: one is conditioned on the body, the other on a sentence.
 
-Source: BOTH2Hands, sections 4.1 and 4.2. Both predict the clean sample. Ours (`form="ours"`):
-a token for each hand of several frames, pre-norm blocks with rotary positions, and tokens of the
-words beside that of the sentence, so that each hand can look up what is said of it.
-`form="paper"` has a token a frame and one of the condition.
+Source: BOTH2Hands, sections 4.1 and 4.2. Both predict the clean sample. Ours (`form="ours"`): one
+token per hand for several frames, pre-norm blocks with rotary positions, and tokens of the words
+beside that of the sentence, so that each hand can attend to the words about it. `form="paper"`
+has one token per frame and one for the condition.
 """
 
 from dataclasses import dataclass, field, replace
@@ -36,39 +36,39 @@ class HandsConfig(NetworkConfig):
     heads: int = 4
     head_width: int = 256  # features of each head of the paper's form; ours divides the width
     frames_per_token: int = 6  # frames of a hand in one token (paper: 1, of both hands)
-    frame: HandsFrame = "wrist"  # axes that hands are told in (paper: the world, with a body)
+    frame: HandsFrame = "wrist"  # frame of hands (paper: the world for the body's network)
     scaling: Scaling = "deviation"  # of features (paper: range)
     noise: float = 10.0
-    """Noise of all levels, relative to the schedule of the paper (1). The numbers of a clip tell
-    much the same over and over, so that what the hands do shows through noise of up to 100
-    deviations; many levels must have more for the condition to count (Hoogeboom et al. 2023)."""
+    """Factor on the noise of all levels; the paper's schedule has 1. Frames of a clip are so alike
+    that the hands' motion shows through noise of up to 100 standard deviations; many levels need
+    more noise, or the network ignores the condition (Hoogeboom et al. 2023)."""
 
 
 @dataclass(frozen=True)
 class TextHandsConfig(HandsConfig):
-    """The same of the network that is told a sentence."""
+    """Size and form of the network that is conditioned on a sentence."""
 
     LIMITS: ClassVar[Limits] = {"text": (0, 65536), "gestures": (len(NAMES), 4096)}
 
     text: int = 0
-    """Features of a sentence by a text encoder that is given, such as CLIP's; 0: the network reads
-    words itself, and learns to."""
+    """Features of a sentence from an external text encoder such as CLIP; 0: the network has a text
+    encoder of its own, which is trained with it."""
     gestures: int = len(NAMES)
-    """Names of what a hand does, which our form learns to tell of each hand out of a sentence."""
+    """Number of gesture classes; our form learns to name each hand's gesture from the sentence."""
     words: SentenceConfig = field(default_factory=lambda: SentenceConfig(pieces=1024))
 
 
 @dataclass(frozen=True)
 class EncodedBody(Bundle):
-    """A condition as a network holds it, the same at all noise levels."""
+    """An encoded condition (a body or a sentence), computed once for all noise levels."""
 
     tokens: Float[Tensor, "B K D"]  # of the condition as a whole, then of words
     seen: Bool[Tensor, "B K"]
-    added: Float[Tensor, "B N D"] | None = None  # what is added to the tokens of hands
+    added: Float[Tensor, "B N D"] | None = None  # added to the tokens of hands
 
 
 class HandsDenoiser(nn.Module):
-    """From noisy numbers of hands to the clean ones."""
+    """Predicts clean hands from noisy ones, both as normalised features."""
 
     def __init__(self, config: HandsConfig) -> None:
         super().__init__()
@@ -86,15 +86,15 @@ class HandsDenoiser(nn.Module):
 
     @property
     def sigmas(self) -> Float[Tensor, " N"]:
-        """Noise of each level, in units of the numbers."""
+        """Standard deviation of the noise at each level, in units of the normalised features."""
         return self.config.noise * cosine_levels(self.scale.size.device)
 
     def denoised(
         self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: EncodedBody
     ) -> Float[Tensor, "B T 270"]:
-        """The clean numbers in `x` = clean + sigma * noise.
+        """Prediction of the clean features in `x` = clean + sigma * noise, under a condition.
 
-        `level` is the number of the noise level, 0 to 1,000 (see `cosine_sigmas`).
+        `level` is the index of the noise level, 0 to 1,000 (see `cosine_sigmas`).
         """
         sigma = self.sigmas[level.long()]
         steps = self.steps(x / (1 + sigma.square()).sqrt()[:, None, None])
@@ -113,7 +113,7 @@ class HandsDenoiser(nn.Module):
         return self.frames_of(each_by_its_own(self.outputs, after))[:, : x.shape[1]]
 
     def steps(self, x: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S P N"]:
-        """Numbers by step and hand: of each frame of the step the positions, then the rotations."""
+        """Features by token step and hand; for each frame of a step positions, then rotations."""
         both = x.split([HANDS // 3, 2 * HANDS // 3], dim=-1)
         hands = torch.cat([part.unflatten(-1, (self.parts, -1)) for part in both], dim=-1)
         return in_steps(hands, self.config.frames_per_token).transpose(2, 3).flatten(-2)
@@ -129,7 +129,7 @@ class HandsDenoiser(nn.Module):
 def each_by_its_own(
     layers: nn.ModuleList, parts: Float[Tensor, "B S P N"]
 ) -> Float[Tensor, "B S P M"]:
-    """Each part of a step through a layer of its own."""
+    """Apply a separate layer to each part of a step."""
     pairs = zip(layers, parts.unbind(2), strict=True)
     return torch.stack([layer(part) for layer, part in pairs], dim=2)
 
@@ -149,7 +149,7 @@ class BodyHands(HandsDenoiser):
         self.body = nn.Linear(size, self.parts * config.width, bias=False)
 
     def encode(self, body: Float[Tensor, "B T 198"]) -> EncodedBody:
-        """Features of a body made ready for `denoised`."""
+        """Encode the features of a body as the condition of `denoised`."""
         body = in_steps(self.body_scale.normalise(body), self.config.frames_per_token)
         steps = self.body(body.flatten(-2))
         added = steps.unflatten(-1, (self.parts, -1)).flatten(1, 2)
@@ -157,7 +157,7 @@ class BodyHands(HandsDenoiser):
 
 
 class TextHands(HandsDenoiser):
-    """Hands that do what a sentence says, in the axes of their wrists."""
+    """Hands that follow a sentence, in the frames of their wrists."""
 
     config: TextHandsConfig
 
@@ -170,7 +170,7 @@ class TextHands(HandsDenoiser):
         self.named = nn.Linear(config.width, 2 * config.gestures) if ours else None
 
     def encode(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> EncodedBody:
-        """Sentences made ready for `denoised`: their pieces, or their vectors by an encoder."""
+        """Encode sentences (piece indices, or vectors of an external encoder) for `denoised`."""
         if self.words is None:
             return of_whole(self.text(said))
         vector, states, real = self.words.read_pieces(said)
@@ -181,6 +181,6 @@ class TextHands(HandsDenoiser):
         return EncodedBody(tokens, nn.functional.pad(real, (1, 0), value=True))
 
     def gestures(self, told: EncodedBody) -> Float[Tensor, "B 2 G"]:
-        """Scores of what the left and the right hand do by a sentence, before the softmax."""
+        """Logits of the gestures of the left and the right hand that a sentence names."""
         assert self.named is not None, "the paper's form names no gestures"
         return self.named(told.tokens[:, 0]).unflatten(-1, (2, -1))

@@ -1,12 +1,12 @@
-"""A posed body as the numbers that the networks see: 198 of the body, 270 of the fingers.
+"""Features of a posed body that the networks see: 198 of the body, 270 of the fingers.
 
-Each set holds all positions first, then all rotations as two columns of their matrices (the paper's
-code takes rows). The fingers' joints are those of the left hand, then those of the right one.
+Each set holds all positions first, then all 6D rotations, as two columns of their matrices (the
+paper's code takes rows). Joints of the left hand's fingers come before those of the right hand.
 
-Source: BOTH2Hands, section 4.1 (positions and rotations in the world) and 4.2 (hands by
-themselves). In the frame "wrist", which is ours for the hands of both branches, a finger's position
-and rotation are told in the axes of its wrist, as in section 4.2, and a body in those of its
-pelvis' heading: a hand's shape then stays the same wherever the body goes.
+Source: BOTH2Hands, section 4.1 (positions and rotations in the world) and 4.2 (hands alone). In the
+frame "wrist", which is ours for the hands of both branches, a finger's position and rotation are in
+the frame of its wrist, as in section 4.2, and a body's in that of its pelvis' heading: the features
+of a hand's shape then do not depend on where the body goes.
 """
 
 from typing import Literal
@@ -21,22 +21,22 @@ from geneoh.choices import SIDES
 from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matrix
 
 HandsFrame = Literal["wrist", "world"]
-"""Axes that fingers are told in: each wrist's, or the world's."""
+"""Frame of the fingers' features: each wrist's, or the world's."""
 BODY = 9 * BODY_JOINTS
 FINGERS = len(JOINT_NAMES) - BODY_JOINTS
 HANDS = 9 * FINGERS
 WRIST_OF = tuple(WRISTS[side] for side in SIDES for _ in FINGER_JOINTS[side])
 """The wrist of each finger joint."""
 Scaling = Literal["deviation", "range"]
-"""What features are scaled by: their deviation, all of them; or the range of positions, to -1 to 1,
-with rotations left as they are (paper's code)."""
+"""How features are normalised: each by its standard deviation; or positions by their range, to -1
+to 1, with rotations left as they are (paper's code)."""
 LEAST = (0.005, 0.02)
-"""Deviations of a position (metres) and of a rotation's entry below these count as this large."""
+"""Lower bounds of the scale of a position (metres) and of a rotation's entry."""
 
 
 def placed(motion: BodyMotion, frame: HandsFrame) -> BodyMotion:
-    """The motion with its pelvis above the origin and facing +z: in the first frame for "world", as
-    the paper's clips begin, in every frame for "wrist"."""
+    """The motion moved and turned so that the pelvis is above the origin and faces +z: in the first
+    frame for "world", as in the paper, in every frame for "wrist"."""
     forward = motion.rotations[..., 0, :, 2]
     root = motion.root * motion.root.new_tensor([1.0, 0.0, 1.0])
     if frame == "world":
@@ -58,12 +58,12 @@ def heading(forward: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
 
 
 def body_features(posed: PosedBody) -> Float[Tensor, "*B T 198"]:
-    """The body's joints without the fingers."""
+    """Features of the body's joints without the fingers."""
     return _flat(posed.positions[..., :BODY_JOINTS, :], posed.rotations[..., :BODY_JOINTS, :, :])
 
 
 def hand_features(posed: PosedBody, frame: HandsFrame) -> Float[Tensor, "*B T 270"]:
-    """The joints of the fingers."""
+    """Features of the fingers' joints."""
     places, turned = posed.positions[..., BODY_JOINTS:, :], posed.rotations[..., BODY_JOINTS:, :, :]
     if frame == "wrist":
         away = posed.rotations[..., WRIST_OF, :, :].mT
@@ -75,10 +75,10 @@ def hand_features(posed: PosedBody, frame: HandsFrame) -> Float[Tensor, "*B T 27
 def with_fingers(
     motion: BodyMotion, posed: PosedBody, features: Float[Tensor, "*B T 270"], frame: HandsFrame
 ) -> BodyMotion:
-    """The motion with the fingers' rotations out of features; their positions follow from these.
+    """The motion with finger rotations decoded from features, whose positions are not used.
 
-    Features are those of `hand_features` in `frame`, or a network's answer, whose rotations may be
-    inexact; those in the frame "world" were made with the wrists of `posed`, the motion's joints.
+    Features are those of `hand_features` in `frame`, or a prediction, whose rotations need not be
+    orthonormal; in the frame "world" they belong to the wrists of `posed`, the motion's joints.
     """
     turned = rotation_6d_to_matrix(features[..., 3 * FINGERS :].unflatten(-1, (FINGERS, 6)))
     if frame == "wrist":
@@ -100,19 +100,19 @@ def _flat(
 
 
 class Scale(nn.Module):
-    """Features to numbers of about unit size, and back."""
+    """Normalises features to about unit size, and back."""
 
     middle: Tensor
     size: Tensor
 
     def __init__(self, features: int) -> None:
-        """Leave features as they are until `fit`; a third of them are positions, as always."""
+        """Start as the identity until `fit`; the first third of the features are positions."""
         super().__init__()
         self.register_buffer("middle", torch.zeros(features))
         self.register_buffer("size", torch.ones(features))
 
     def normalise(self, features: Float[Tensor, "*B N"]) -> Float[Tensor, "*B N"]:
-        """Features as numbers."""
+        """Normalised features."""
         return (features - self.middle) / self.size
 
     def denormalise(self, numbers: Float[Tensor, "*B N"]) -> Float[Tensor, "*B N"]:
@@ -123,7 +123,7 @@ class Scale(nn.Module):
     def fit(
         self, features: Float[Tensor, "B T N"], real: Bool[Tensor, "B T"], scaling: Scaling
     ) -> None:
-        """Take the scale of those frames of the data that are real."""
+        """Fit the scale to those frames of the data that are not padding."""
         seen = features[real]
         positions = torch.arange(len(self.middle)) < len(self.middle) // 3
         least = torch.where(positions, *torch.tensor(LEAST))

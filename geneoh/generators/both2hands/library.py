@@ -22,12 +22,12 @@ from geneoh.training.resume import digest
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
 
 Speech = Callable[[Sequence[str]], Tensor]
-"""From sentences to what the network of text is told: numbers of pieces, or vectors."""
+"""From sentences to the condition of the text network: piece indices, or vectors."""
 
 
 @dataclass(frozen=True)
 class Branches:
-    """The two networks that are blended, and how sentences reach the second."""
+    """The two networks that are blended, and the encoding of sentences for the second one."""
 
     body: BodyHands
     text: TextHands
@@ -41,7 +41,7 @@ class Branches:
 
 @dataclass(frozen=True)
 class Both2HandsNetworks(Branches):
-    """All that makes hands of a body and a sentence."""
+    """All networks that make hands for a body and a sentence."""
 
     blend: Blender
 
@@ -52,15 +52,15 @@ def load_both2hands(
     text_encoder: Path | None = None,
     device: torch.device | str = "cpu",
 ) -> Both2HandsNetworks:
-    """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
+    """The networks of a folder of STAGE.safetensors; shipped ones for missing files, or for None.
 
     `text_encoder` is the folder of the CLIP or sentence-transformers model that networks were
-    trained with; None for networks that read words themselves.
+    trained with; None for networks with a text encoder of their own.
 
     Raises:
         CheckpointError: the folder has no network, or a file does not fit its network.
-        ConfigError: the networks were trained with another text encoder, on other data than each
-            other, or the blend with other networks.
+        ConfigError: the networks were trained with another text encoder or on different data, or
+            the blend was trained with other networks.
     """
     refuse_none_of(BODY_STAGES, folder)
     branches = load_branches(folder, text_encoder=text_encoder)
@@ -99,7 +99,7 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
 
 
 def refuse_other_scales(branches: Branches, folder: Path | None) -> None:
-    """Refuse networks whose noisy hands cannot be the same ones."""
+    """Raise `ConfigError` if both networks cannot denoise the same noisy hands in one process."""
     body, text = branches.body, branches.text
     scales = zip(body.scale.state_dict().values(), text.scale.state_dict().values(), strict=True)
     alike = all(torch.equal(a, b) for a, b in scales) and body.config.noise == text.config.noise
@@ -112,7 +112,7 @@ def refuse_other_scales(branches: Branches, folder: Path | None) -> None:
 
 
 def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:
-    """Sentences as numbers of their pieces."""
+    """The encoding of sentences as indices of their pieces."""
     return partial(sentence_numbers, tokenizer, longest=config.words.longest)
 
 

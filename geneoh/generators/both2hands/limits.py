@@ -1,8 +1,8 @@
-"""Fingers brought back inside the limits of a hand.
+"""Finger joints brought back inside the limits of a hand.
 
-The networks tell a finger's rotations from the wrist, where the last bone of a fist is turned by
-more than half a turn. An answer between a fist and an open hand may then take it the other way
-round, through the back of the hand.
+The networks predict a finger's rotations relative to the wrist. In a fist the last bone is turned
+by more than half a turn, so that a prediction between a fist and an open hand may bend the finger
+the other way round, through the back of the hand.
 """
 
 import math
@@ -19,32 +19,32 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 
 ALLOWED = 0.1
-"""Radians beyond a limit, on one axis, up to which a joint counts as inside."""
+"""Tolerance beyond a limit, on one axis, up to which a joint counts as inside, radians."""
 DEVIATION = 3.0
-"""Of the Gaussian over time, in frames, that a joint is smoothed by which is brought back."""
+"""Standard deviation of the Gaussian over time that smooths a corrected joint, frames."""
 
 
 @dataclass(frozen=True)
 class FingerRange(Bundle):
-    """Least and largest rotation of each finger joint, radians on each axis."""
+    """Least and largest axis-angle vector of each finger joint, radians on each axis."""
 
     low: Float[Tensor, "30 3"]
     high: Float[Tensor, "30 3"]
 
     @staticmethod
     def of_hands() -> "FingerRange":
-        """What a left and a right hand can do."""
+        """The limits of the left and the right hand model."""
         hands = [load_hand(side) for side in SIDES]
         low, high = ([getattr(h, name)[1:] for h in hands] for name in ("pose_low", "pose_high"))
         return FingerRange(torch.cat(low), torch.cat(high))
 
     def beyond(self, vectors: Float[Tensor, "*B 30 3"]) -> Float[Tensor, "*B 30"]:
-        """How far joints are beyond the range on their worst axis; below zero inside."""
+        """How far joints are beyond the range on their worst axis, radians; negative inside."""
         return torch.maximum(self.low - vectors, vectors - self.high).amax(-1)
 
 
 def within_limits(fingers: Float[Tensor, "T 30 3 3"]) -> Float[Tensor, "T 30 3 3"]:
-    """The rotations of the joints of both hands, of which none is beyond the limits.
+    """Finger rotations of both hands; joints that exceed their limits are clamped and smoothed.
 
     Joints that are inside in all frames stay exactly as they are.
     """

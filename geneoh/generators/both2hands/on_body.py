@@ -45,16 +45,15 @@ class BodyOptions:
     steps: int = STEPS
     """Denoising steps, 1 to 1,000."""
     refine: Literal["geneoh", "none"] = "geneoh"
-    """What mends hands that hold an object: "geneoh", `geneoh.denoise`; "none"."""
+    """How hands that hold an object are cleaned: "geneoh", by `geneoh.denoise`; or "none"."""
     weights: Path | None = None
-    """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
+    """Folder of networks, as `geneoh train` writes it; missing ones are the shipped ones."""
     text_encoder: Path | None = None
     """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
     seed: int = 0
     """Seed of all random numbers; another one makes other hands."""
     device: str = "cpu"
-    """Device that the networks and the cleaner run on, as torch names it. What is made is on the
-    CPU."""
+    """Device of the networks and the cleaner, as torch names it. Results are on the CPU."""
 
     def __post_init__(self) -> None:
         """Take paths given as text, and refuse values that no setting has."""
@@ -66,19 +65,19 @@ class BodyWithHands:
     """A body whose fingers were made for a sentence."""
 
     body: BodyRecording
-    """The body that was given, with fingers; everything else of it is unchanged, but for the turn
-    of wrists that `denoise` has mended."""
+    """The body that was passed, with fingers; the rest of it is unchanged, except for wrist
+    rotations that `denoise` has corrected."""
     sequence: Sequence
     """Both hands, and the object where one was given, in the world of the body's file."""
     sentence: str
     refined: Denoised | None
-    """What the cleaner did; None without an object."""
+    """The result of the cleaner; None if it did not run."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
     def wrists_apart(self) -> float:
-        """How far a wrist of the body is from that of its hand at most, metres."""
+        """Largest distance between a wrist of the body and that of its hand track, metres."""
         places = pose(self.body.skeleton, self.body.file_motion).positions
         off = (
             places[:, WRISTS[h.side]] - h.wrist for h in self.sequence.hands if h.wrist is not None
@@ -102,15 +101,16 @@ def generate_on_body(
 
     Args:
         sentence: such as "the right hand waves, the left rests"; English.
-        body: or its file, see `geneoh.readers.bodies.read.read_body`. Its fingers do not matter.
+        body: a recording or its file, see `geneoh.readers.bodies.read.read_body`. Its fingers are
+            ignored.
         options: see `BodyOptions`.
-        held: an object with meshes in the world of the body's file, over its frames. Hands near it
-            then go through `geneoh.denoise`.
-        on_progress: told of the stage "hands" and of those of the cleaner.
+        held: an object with meshes, in the world and the frames of the body's file. Hands near it
+            are cleaned with `geneoh.denoise`.
+        on_progress: called for the stage "hands" and for those of the cleaner.
 
     Raises:
         InputError: the sentence is empty, too long or not English, or the file holds no body.
-        ConfigError: these are no options, or they name no device of this machine.
+        ConfigError: the options are invalid, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
     asked, sentence = BodyOptions() if options is None else options, " ".join(sentence.split())
@@ -155,7 +155,7 @@ def generate_on_body(
 
 
 def body_of(given: BodyRecording | Path | str) -> BodyRecording:
-    """The body that is given or is in the file that is named; `InputError` for anything else."""
+    """The body itself, or the one in the named file; `InputError` for another type."""
     if isinstance(given, BodyRecording):
         return given
     if isinstance(given, Path | str):
@@ -169,9 +169,9 @@ def body_of(given: BodyRecording | Path | str) -> BodyRecording:
 def _cleaned(
     sequence: Sequence, options: Options, on_progress: OnProgress | None
 ) -> tuple[Sequence, Denoised]:
-    """The sequence with clean hands, but for one that never comes near the object.
+    """The sequence with cleaned hands; a hand that never comes near the object is not cleaned.
 
-    Where neither does, both are given to the cleaner, which says so.
+    If neither comes near, both go to the cleaner, which reports this.
     """
     near = [
         hand
@@ -186,9 +186,9 @@ def _cleaned(
 
 
 def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
-    """The body with fingers and wrists turned as those of a sequence in its file's world.
+    """The body with the finger and wrist rotations of a sequence in its file's world.
 
-    The arms stay, so that a wrist may be some millimetres off that of the sequence.
+    The arms are kept, so that a wrist may be some millimetres from that of the sequence.
     """
     motion = body.file_motion
     above = pose(body.skeleton, motion).rotations
@@ -205,8 +205,7 @@ def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
 def save_on_body(made: BodyWithHands, path: Path | str) -> None:
     """Write hands and body as a geneoh-sequence npz, whole or not at all.
 
-    Beside the fields of a sequence it keeps those of `geneoh.readers.bodies.smpl.body_fields`,
-    and `prompt`.
+    The file also has the fields of `geneoh.readers.bodies.smpl.body_fields`, and `prompt`.
 
     Raises:
         InputError: the place cannot be written to.

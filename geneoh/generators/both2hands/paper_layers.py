@@ -50,7 +50,7 @@ class PaperTransformer(nn.Module):
     def forward(
         self, tokens: Float[Tensor, "B N D"], level: Float[Tensor, " B"]
     ) -> Float[Tensor, "B N D"]:
-        """Tokens after all blocks; `level` is the number of the noise level, 0 to 1,000."""
+        """Tokens after all blocks; `level` is the index of the noise level, 0 to 1,000."""
         first = tokens[:, :1] + self.level(sinusoid(level, 64))[:, None]
         tokens = torch.cat([first, tokens[:, 1:]], dim=1)
         place = torch.arange(1, tokens.shape[1] + 1, device=tokens.device).to(tokens)

@@ -1,7 +1,7 @@
-"""Clips to learn from out of the user's recordings of bodies: windows with the sentences on them.
+"""Training clips from the user's recordings of bodies: windows with the sentences on them.
 
 Source: BOTH2Hands, section 5: 30 frames a second, windows of 150. Ours: every window of a recording
-and not the first alone, shorter recordings too, and whole recordings held out.
+and not only the first, shorter recordings too, and whole recordings held out for validation.
 """
 
 from collections import Counter
@@ -32,18 +32,18 @@ from geneoh.training.data import TrainingData
 from geneoh.training.held_out import held_names
 
 SHORTEST = 30
-"""Frames of the shortest recording that is learned from."""
+"""Frames of the shortest recording that is used."""
 STILL = 1e-3
-"""Change of a rotation's entries up to which fingers were not recorded, but left in one pose."""
+"""Largest change of rotation entries for which fingers count as not recorded, but left at rest."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """One clip, with what is said of it."""
+    """One window of a recording, with the sentences on it."""
 
-    clip: Gestures  # of one, whose sentences are not told yet
+    clip: Gestures  # a batch of one, without its sentences
     sentences: tuple[str, ...]
-    group: str
+    group: str  # recording or person, which is held out as a whole
 
 
 def recorded_gestures(
@@ -54,7 +54,7 @@ def recorded_gestures(
     told: bool = True,
     on_step: OnStep | None = None,
 ) -> TrainingData[Gestures]:
-    """The clips of a data set of bodies in a folder or file, if `told` those with sentences.
+    """The clips of a body data set in a folder or file; if `told`, only those with sentences.
 
     The bones are those of `model`, the user's SMPL-H or SMPL-X model, else of a typical adult.
 
@@ -96,10 +96,9 @@ def recorded_gestures(
 
 
 def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:
-    """The windows of a recording, which is counted by the reason where nothing is learned from it.
+    """The windows of a recording; if it cannot be used, `left_out` counts the reason.
 
-    Those without sentences are among them, so that the same recordings are held out with and
-    without them.
+    Windows without sentences are included, so that the validation split does not depend on `told`.
     """
     paced = body_at_rate(each.body, FPS)
     reason = reason_against(paced)
@@ -112,7 +111,7 @@ def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Win
 
 
 def reason_against(body: BodyRecording) -> str:
-    """Why nothing can be learned from a recording, in words; empty where something can."""
+    """The reason why a recording cannot be used, in words; empty if it can."""
     fingers = body.motion.rotations[:, BODY_JOINTS:]
     if not body.has_fingers:
         return "without fingers"
@@ -122,8 +121,8 @@ def reason_against(body: BodyRecording) -> str:
 
 
 def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:
-    """The windows of a recording at 30 frames a second, each with what is said of all of it and of
-    its first, middle and last frame."""
+    """The windows of a recording at 30 frames a second, each with the sentences on the recording
+    and on the window's first, middle and last frame."""
     motion, count = grounded(paced.skeleton, paced.motion), min(paced.frames, FRAMES)
     for start in ClipWindows.of(max(paced.frames, FRAMES)).starts:
         at = [round((start + share * (count - 1)) * each.body.fps / FPS) for share in (0, 0.5, 1)]
@@ -135,7 +134,7 @@ def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:
 
 
 def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:
-    """A stretch of up to `FRAMES` frames as one clip, of which no gesture is known."""
+    """A stretch of at most `FRAMES` frames as one clip of `FRAMES`, without gesture labels."""
     motion, frames = placed(motion, "world"), torch.arange(FRAMES).clamp(max=len(motion.root) - 1)
     unknown = torch.full((1, 2), -1)
     return Gestures(
@@ -153,7 +152,7 @@ def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:
 
 
 def _joined(windows: Sequence[Window]) -> Gestures:
-    """All clips in one, each with as many sentences as the one of which most is said."""
+    """All clips as one batch; sentences of a clip are repeated up to the largest number of any."""
     most = max(1, *(len(window.sentences) for window in windows))
     said = [window.sentences or ("",) for window in windows]
     rows = [[each[n % len(each)] for n in range(most)] for each in said]

@@ -26,7 +26,7 @@ from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 
 Branch = Literal["blended", "body", "text"]
-"""Whose hands are wanted: of both networks, or of one alone, to compare with."""
+"""Which networks make the hands: both, blended, or one alone for comparison."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class Both2HandsSampling:
     """How hands are drawn from the networks."""
 
     sampler: Sampler = "multistep"
-    steps: int = STEPS  # from noise to numbers (paper: 1,000 ancestral ones)
+    steps: int = STEPS  # denoising steps (paper: 1,000 ancestral ones)
     branch: Branch = "blended"
     guidance: float = 2.5
-    """How far blended answers go beyond those of the body alone, in every step: 1 is plain (paper),
-    with more the sentence counts more."""
+    """Guidance scale of every step: 1 takes the blended prediction (paper); more extrapolates
+    beyond it, away from the body's prediction, so that the sentence counts more."""
     smoothing: float = 1.5
-    """Deviation in frames of the Gaussian that hands of the frame "wrist" are smoothed by at last;
-    0 for none (paper). It takes away what shakes, and of a clap or a wave next to nothing."""
+    """Standard deviation in frames of the final Gaussian over hands of the frame "wrist"; 0 for
+    none (paper). It removes jitter, and next to nothing of a clap or a wave."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ class Process:
     networks: Both2HandsNetworks
     windows: ClipWindows
     scene: PlacedBodies
-    told: tuple[EncodedBody, EncodedBody]
+    told: tuple[EncodedBody, EncodedBody]  # conditions of the body's and of the text network
     config: Both2HandsSampling
     generator: torch.Generator
     on_step: OnStep | None
 
     def hands(self) -> Float[Tensor, "B T 270"]:
-        """Hands on the bodies, as numbers of the body's network."""
+        """Hands on the bodies, normalised as in the body's network."""
         if self.config.branch == "body":
             return self.of_body()
         if self.config.branch == "text":
@@ -86,13 +86,13 @@ class Process:
     def blended(
         self, x: Float[Tensor, "W F 270"], level: Float[Tensor, " W"]
     ) -> Float[Tensor, "W F 270"]:
-        """The answers of both networks to the same noisy hands, blended and guided."""
+        """Predictions of both networks for the same noisy hands, blended and with guidance."""
         body, text, blend = self.networks.body, self.networks.text, self.networks.blend
         of_body, of_text = both_answers(body, text, (x, x), level, self.told, self.scene)
         return torch.lerp(of_body, blend(of_body, of_text, level), self.config.guidance)
 
     def run(self, network: HandsDenoiser, answer: Answer) -> Float[Tensor, "B T 270"]:
-        """Hands from noise, by the answers of one network or of several."""
+        """Hands from noise by the denoiser `answer`, which one network or several make up."""
 
         def clean(x: Tensor, level: Tensor) -> Tensor:
             noisy = self.windows.cut(x)
@@ -124,13 +124,13 @@ def sample_hands(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """B bodies with fingers that fit their motion and a sentence each.
+    """B bodies with fingers that fit their motion and one sentence each.
 
-    They move over any number of frames at 30 frames a second, on the device of the networks, and
-    their fingers do not matter; the skeleton is one of all bodies, or one each.
+    `motion` has any number of frames at 30 frames a second, on the device of the networks; its
+    fingers are ignored. `skeleton` is one for all bodies, or one for each.
 
     Raises:
-        CheckpointError: the networks answer with NaN, as of damaged weights.
+        CheckpointError: the networks return NaN, as damaged weights do.
     """
     count, frames = motion.root.shape[:2]
     body, device = networks.body, motion.root.device
@@ -150,7 +150,7 @@ def sample_hands(
 
 
 def _at_least_a_window(clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "B F *N"]:
-    """Clips whose last frame is held until they are as long as a window."""
+    """Clips padded with their last frame to at least the length of a window."""
     missing = max(0, FRAMES - clips.shape[1])
     return torch.cat([clips, clips[:, -1:].expand(-1, missing, *clips.shape[2:])], dim=1)
 
@@ -165,7 +165,7 @@ def generate_hands(
     networks: Both2HandsNetworks,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """One body with fingers in the limits of a hand; see `sample_hands` and `check_sentence`."""
+    """One body with fingers inside joint limits; see `sample_hands` and `check_sentence`."""
     made = sample_hands(
         networks,
         BodyMotion(motion.root[None], motion.rotations[None]),

@@ -1,4 +1,4 @@
-"""The bodies that BOTH2Hands makes hands for, and one step of both its networks on them."""
+"""The bodies that BOTH2Hands makes hands for, and a denoising step of both networks on them."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class PlacedBodies(Bundle):
 
     @staticmethod
     def of(skeleton: Skeleton, motion: BodyMotion) -> "PlacedBodies":
-        """Bodies that are `placed`, each with its own skeleton."""
+        """The joints of bodies after `features.placed`, each body with its own skeleton."""
         return PlacedBodies(skeleton, motion, pose(skeleton, motion))
 
     @property
@@ -38,10 +38,10 @@ class PlacedBodies(Bundle):
     def projected(
         self, local: Float[Tensor, "B T 270"], frame: HandsFrame
     ) -> Float[Tensor, "B T 270"]:
-        """Hands in the axes of their wrists, brought onto the bodies (paper, equation 8).
+        """Features of hands in their wrists' frames, put onto the bodies (paper, equation 8).
 
-        The body's rotations with the fingers' go through forward kinematics, from the root's place
-        in the world, which the paper's code leaves out.
+        Forward kinematics of body and fingers starts at the root's position in the world, which the
+        paper's code leaves out.
         """
         motion = with_fingers(self.motion, self.posed, local, "wrist")
         return hand_features(pose(self.skeleton, motion), frame)
@@ -50,7 +50,7 @@ class PlacedBodies(Bundle):
 def hands_of_text(
     body: BodyHands, text: TextHands, answer: Float[Tensor, "B T 270"], scene: PlacedBodies
 ) -> Float[Tensor, "B T 270"]:
-    """An answer of the network of text, on the bodies and in the numbers of the other network."""
+    """A prediction of the text network put onto the bodies, normalised as in the body's network."""
     local = text.scale.denormalise(answer)
     return body.scale.normalise(scene.projected(local, body.config.frame))
 
@@ -63,10 +63,10 @@ def both_answers(
     told: tuple[EncodedBody, EncodedBody],
     scene: PlacedBodies,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
-    """The clean hands of the body and of the sentence, both in the numbers of the body's network.
+    """Clean hands predicted by both networks, both normalised as in the body's network.
 
-    `noisy` are hands with noise as numbers of each network, which are the same ones where the
-    process is one.
+    `noisy` are the noisy hands for the body's and for the text network, equal if both networks
+    share one reverse process.
     """
     of_body = body.denoised(noisy[0], level, told[0])
     of_text = text.denoised(noisy[1], level, told[1])

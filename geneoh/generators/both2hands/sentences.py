@@ -23,10 +23,10 @@ BODY_WORDS = """
     straight straightened stomach stretch stretched thigh thighs thumbs tip together touch touches
     touching upward waist walk walking walks wrist wrists
 """
-"""Words of descriptions of hands and bodies, beside those of made gestures and objects."""
+"""Words of descriptions of hands and bodies, beside those of synthetic gestures and of objects."""
 _CLAUSE = re.compile(r"[,;.:]|\b(?:and|but|while|as|yet|although|though|whereas)\b", re.IGNORECASE)
 _IN_TURN = {"then", "first", "before", "after", "until", "later", "again", "stops", "stop"}
-"""Words of a sentence that says one thing after the other, which is no contradiction."""
+"""Words of sentences about successive actions, which are not checked for contradictions."""
 
 
 def check_sentence(sentence: str) -> None:
@@ -38,23 +38,23 @@ def check_sentence(sentence: str) -> None:
 
 @cache
 def known_gesture_words() -> frozenset[str]:
-    """Words for what hands do: those of made gestures, of bodies, and of objects."""
+    """Words for what hands do: those of synthetic gestures, of bodies, and of objects."""
     said = said_of_gestures()
     verbs = [form for phrase in said for part in phrase.split(" and ") for form in forms(part)]
     return prompt.known_words().union(BODY_WORDS.split(), " ".join(verbs).split())
 
 
 def said_of_gestures() -> list[str]:
-    """All phrases for made gestures, such as "wave hello"; each begins with its verb."""
+    """All phrases for synthetic gestures, such as "wave hello"; each begins with its verb."""
     made = (*ONE_HANDED.values(), *TWO_HANDED.values())
     return [phrase for gesture in made for phrase in gesture.says]
 
 
 def refuse_contradiction(sentence: str) -> None:
-    """Refuse a sentence that says of a hand that it does something and that it does not.
+    """Raise `InputError` for a sentence that both requests and rules out a verb for one hand.
 
-    A clause without a side is on the hands of the clause before, at first on both. A verb is ruled
-    out at the end of its clause alone: who points up may well not point down.
+    A clause without a side is about the hands of the clause before; the first one is about both. A
+    verb is ruled out only at the end of its clause: "does not point down" allows pointing up.
     """
     said: set[tuple[str, str]] = set()
     ruled_out: set[tuple[str, str]] = set()
@@ -77,7 +77,7 @@ def refuse_contradiction(sentence: str) -> None:
 
 
 def ruled_out_words(sentence: str) -> str:
-    """The first words that rule out something else than a hand, such as "don't make"; or none."""
+    """The first words that rule out something other than a hand ("don't make"); else empty."""
     words = without_ruled_out(" ".join(words_of(sentence)))[0].split()
     for at in range(len(words)):
         if count := rules_out(words, at):
@@ -87,6 +87,6 @@ def ruled_out_words(sentence: str) -> str:
 
 @cache
 def _verbs() -> dict[str, str]:
-    """The verb of each form of the verbs of made gestures."""
+    """The base form of each inflected verb of synthetic gestures."""
     verbs = {phrase.split()[0] for phrase in said_of_gestures()}
     return {form: verb for verb in sorted(verbs) for form in forms(verb)}

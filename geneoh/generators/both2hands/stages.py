@@ -1,4 +1,4 @@
-"""The networks of BOTH2Hands by the names of their stages, as `geneoh train` learns them."""
+"""Training tasks of the networks of BOTH2Hands, by the stage names of `geneoh train`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,16 +33,16 @@ from geneoh.training.run_config import stage_config
 
 @dataclass(frozen=True)
 class LearnedBodies:
-    """What networks of the generator learn from, and where they lie."""
+    """The training data, and the files that training starts from."""
 
-    data: DataSource  # a folder of made bodies, or recordings
-    folder: Path  # of the networks before
-    text_encoder: Path | None = None  # of the network of text, instead of words that it learns
+    data: DataSource  # a folder of synthetic bodies, or recordings
+    folder: Path  # with the networks of earlier stages
+    text_encoder: Path | None = None  # external encoder for the text network, instead of its own
     skeleton: Path | None = None  # SMPL-H or SMPL-X model of recorded bodies
-    start: Path | None = None  # file of weights to go on from, which mean nothing with other words
+    start: Path | None = None  # weights to start from, whose vocabulary is used
 
     def gestures(self, stage: BodyStage, on_progress: OnProgress | None) -> TrainingData[Gestures]:
-        """The clips; those of recordings have sentences where the stage learns from them."""
+        """The clips; of recordings only those with sentences, unless the stage needs none."""
         source, path = self.data.source, self.data.path
         if source:
             return recorded_gestures(
@@ -62,11 +62,11 @@ def body_task(
     learned: LearnedBodies,
     on_progress: OnProgress | None = None,
 ) -> tuple[HandsTask, tuple[str, ...]]:
-    """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
+    """The task of `geneoh train --stage` and notes on its data; `settings` override the file.
 
-    The blend learns with the two networks in the folder, or the shipped ones; the network of text
-    with the scale and the noise of the one of the body in the folder, as one process needs, unless
-    it goes on from weights that have a scale. Returns notes on the data as well.
+    `settings` are texts such as `a.b=c`. The blend uses the two networks in the folder, or the
+    shipped ones. The text network takes scale and noise from `body_hands` in the folder, as one
+    reverse process needs, unless it starts from weights, which have a scale.
 
     Raises:
         InputError: there are no clips.
@@ -106,9 +106,9 @@ def body_task(
 def scaled_as(
     path: Path, task: HandsTask, notes: tuple[str, ...]
 ) -> tuple[HandsTask, tuple[str, ...]]:
-    """The task with the scale and the noise of a network of the body, and a note that says so.
+    """The task with the scale and the noise of the body's network in `path`, and a note on it.
 
-    Networks that tell hands in other axes, or scale them in another way, are not blended in one
+    Networks that differ in the frame or the scaling of hands are not blended in one reverse
     process: then the task stays as it is.
     """
     body, own = load_network(path, BodyHands, HandsConfig), task.config.text_hands
@@ -126,5 +126,5 @@ def sentence_vocabulary(clips: Gestures, pieces: int) -> Tokenizer:
 
 
 def _silence(sentences: Sequence[str]) -> torch.Tensor:
-    """What a network is told that is told no sentence."""
+    """Empty vectors, for the network that has no text condition."""
     return torch.zeros(len(sentences), 0)

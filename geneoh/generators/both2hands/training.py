@@ -25,13 +25,13 @@ from geneoh.training.data import TrainingData
 from geneoh.training.resume import digest
 from geneoh.training.tasks import DrawnSamples, SamplesTask, first_weights
 
-MOST = 256  # clips of which the scale of features is taken
-CHUNK = 64  # clips whose features are made at once
+MOST = 256  # largest number of clips that the scale of features is fitted to
+CHUNK = 64  # clips whose features are computed at once
 
 
 @dataclass(frozen=True)
 class Features(Bundle):
-    """Bodies and true hands as networks see them; in half precision while they wait."""
+    """Features of bodies and true hands; stored in half precision until they are drawn."""
 
     body: Float[Tensor, "B T 198"]
     hands: Float[Tensor, "B T 270"]
@@ -44,13 +44,13 @@ class Features(Bundle):
 
 @dataclass(frozen=True)
 class GestureSamples(Bundle):
-    """A batch of clips with what is said of each."""
+    """A batch of clips with one sentence each."""
 
     features: Features
     real: Bool[Tensor, "B T"]  # frames before the end of the clip
-    said: Tensor  # numbers of pieces (B, N), or vectors (B, W)
+    said: Tensor  # indices of pieces (B, N), or vectors (B, W)
     gesture: Int[Tensor, "B 2"]  # of the left and the right hand; -1: unknown
-    scene: PlacedBodies | None = None  # of networks that are blended
+    scene: PlacedBodies | None = None  # for the blend alone
 
 
 @dataclass(frozen=True)
@@ -61,16 +61,16 @@ class HandsTask(SamplesTask):
     config: Both2HandsConfig
     data: TrainingData[Gestures]
     speech: Speech
-    tokenizer: Tokenizer | None = None  # of a network that reads words itself
+    tokenizer: Tokenizer | None = None  # of a network with a text encoder of its own
     branches: Branches | None = None  # the networks that are blended
-    scale: Scale | None = None  # of hands, instead of that of the data
+    scale: Scale | None = None  # scale of hands to use instead of one fitted to the data
 
     def loss(self, model: Any, samples: GestureSamples, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network."""
         return task_loss(model, samples, self.config, draws, self.branches)
 
     def network(self) -> nn.Module:
-        """A fresh network with the scales of the data, or with the one that is given."""
+        """An untrained network with scales fitted to the data, or with `scale` for hands."""
         with first_weights(self.config.seed, self.name, "weights"):
             if self.name == "blend":
                 return Blender(self.config.blend)
@@ -85,22 +85,22 @@ class HandsTask(SamplesTask):
 
     @cached_property
     def kept(self) -> Features:
-        """The features of all clips to learn from, which are made once."""
+        """The features of all training clips, computed once."""
         return kept_features(self.data.training, self.frame)
 
     @cached_property
     def kept_validation(self) -> Features:
-        """The same of the clips to validate on."""
+        """The features of all validation clips, computed once."""
         return kept_features(self.data.validation, self.frame)
 
     @property
     def frame(self) -> HandsFrame:
-        """Axes that the clips are told in."""
+        """Frame of the hands' features."""
         body = self.config.body_hands if self.branches is None else self.branches.body.config
         return "wrist" if self.name == "text_hands" else body.frame
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """GestureSamples of which each piece is drawn for itself."""
+        """The pieces of a batch of `GestureSamples`, each drawn separately."""
         for part in own.divided(pieces):
             generator = seeded_generator(self.config.seed, self.name, *parts)
             draws = Draws(part.count, generator, part)
@@ -154,7 +154,7 @@ def task_loss(
 def _denoised(
     network: HandsDenoiser, samples: GestureSamples, draws: Draws
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
-    """The answer of a network at random levels of noise, and the clean numbers."""
+    """The prediction of a network at random noise levels, and the clean features."""
     clean = network.scale.normalise(samples.features.hands)
     level = draws.integers(1, len(network.sigmas)).to(clean.device)
     if isinstance(network, BodyHands):
@@ -173,9 +173,9 @@ def blended_answers(
     config: Both2HandsConfig,
     draws: Draws,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
-    """Blended answers to a clip and its own sentence at random levels of noise, and their target.
+    """Blended predictions for clips with their sentences at random noise levels, and the target.
 
-    In our form both networks answer to the same noisy hands, in the paper's each to its own.
+    In our form both networks denoise the same noisy hands, in the paper's each its own.
     """
     scene = samples.scene
     assert scene is not None, "samples to blend come with their scene"
@@ -200,7 +200,7 @@ def hands_loss(
     real: Bool[Tensor, "B T"],
     config: Both2HandsConfig,
 ) -> Float[Tensor, ""]:
-    """Mean error of the numbers of real frames, and of their differences between frames."""
+    """Mean error of the features of real frames, plus that of their differences between frames."""
 
     def mean(error: Tensor, told: Tensor) -> Tensor:
         size = error.square() if config.error == "squared" else error.abs()
@@ -214,7 +214,7 @@ def hands_loss(
 
 
 def naming_loss(network: TextHands, samples: GestureSamples) -> Float[Tensor, ""]:
-    """Cross-entropy of what each hand does, by the sentence alone."""
+    """Cross-entropy of each hand's gesture, as the network names it from the sentence alone."""
     scores = network.gestures(network.encode(samples.said)).flatten(0, 1)
     known = samples.gesture.flatten() >= 0
     taken = functional.cross_entropy(scores[known], samples.gesture.flatten()[known])
@@ -235,7 +235,7 @@ def kept_features(data: Gestures, frame: HandsFrame) -> Features:
 
 
 def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
-    """Set the scales of a network's features by clips of the data."""
+    """Fit the scales of a network's features to clips of the data."""
     some = slice(None, None, -(-len(data.length) // MOST))
     features = kept.take(some, "B").map(Tensor.float)
     real = data.before_end[some]
@@ -251,6 +251,6 @@ def _data_digest(data: Gestures) -> str:
 
 
 def _words_digest(*several: Gestures) -> str:
-    """A fingerprint of what is said of clips, and of the gestures that it names."""
+    """A fingerprint of the sentences and gestures of clips."""
     told = ((clips.gesture, *map(str, clips.joined.ravel())) for clips in several)
     return digest(part for parts in told for part in parts)

@@ -1,4 +1,4 @@
-"""Clips of any length as windows that overlap, and numbers of windows joined into a clip again."""
+"""Clips of any length cut into overlapping windows, and features of windows joined again."""
 
 from dataclasses import dataclass
 
@@ -27,15 +27,15 @@ class ClipWindows:
         return ClipWindows(frames, tuple(round(last * i / max(1, steps)) for i in range(steps + 1)))
 
     def cut(self, clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "W F *N"]:
-        """All windows of all clips; those with the same start stand together."""
+        """All windows of all clips; those with the same start are adjacent."""
         return torch.cat([clips[:, start : start + FRAMES] for start in self.starts])
 
     def repeat(self, items: Tensor) -> Tensor:
-        """What belongs to each clip, for each of its windows."""
+        """Repeat an item per clip for each of the clip's windows."""
         return items.repeat(len(self.starts), *(1,) * (items.ndim - 1))
 
     def join(self, windows: Float[Tensor, "W F N"]) -> Float[Tensor, "B T N"]:
-        """ClipWindows blended into clips, each with most weight in its middle."""
+        """Windows blended into clips, each with most weight in its middle."""
         edge = torch.arange(1, FRAMES + 1, device=windows.device)
         weight = torch.minimum(edge, edge.flip(0)).to(windows)[:, None]
         parts = windows.unflatten(0, (len(self.starts), -1))

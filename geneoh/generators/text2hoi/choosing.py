@@ -1,7 +1,7 @@
-"""Of several actions that were drawn for the same sentence, the one that is kept.
+"""The choice of the best of several actions that were sampled for the same sentence.
 
-A draw now and then lets hands stay away from the object that moves, falls between two ways of doing
-something, where no real action is, or has hands deep in the object.
+Some samples are faulty: the object moves without a hand near it, the motion is a mean of two ways
+of doing something, or a hand penetrates the object deeply.
 """
 
 import torch
@@ -14,24 +14,24 @@ from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import hand_spheres
 
 ARM = 0.1
-"""Metres from its middle, along each of its axes, at which an object is compared."""
+"""Distance of the points at which objects are compared from their origin, on each axis, metres."""
 MISSED_SHARE, MISSED = 0.25, 0.005
-"""How far an object may be, on average, from where it was drawn when it moves only while a hand
-touches it: as a share of how far it was to move, and metres beside that."""
+"""How far an object may be, on average, from its sampled motion when it moves only while a hand
+touches it: a share of the sampled displacement, plus metres."""
 HANDS = 2.0
-"""What a distance of hands counts against one of the object."""
-EVERY = 5  # frames from one in which depths are measured to the next
+"""Weight of a distance of hands relative to one of the object."""
+EVERY = 5  # step between the frames in which penetration depths are measured
 DEEPEST = 0.1  # metres: no hand is deeper in an object that hands can hold
 
 
 def best_draws(
     actions: Actions, draws: int, fits: Bool[Tensor, " B"] | None = None
 ) -> Int[Tensor, " G"]:
-    """The number of one of each `draws` neighbours, on the CPU.
+    """The index of the best of each `draws` consecutive samples, on the CPU.
 
-    Of those that fit, or of all where none does, it is one whose hands carry the object, or nearly
-    so where none does; of these it is among the half that are most like the others, and there the
-    least deep one.
+    Candidates are the samples that fit, or all if none does. Of these those stay whose hands carry
+    the object, or the one that comes closest to it; then the half that is most like the others; and
+    of this half the sample with the least penetration depth.
     """
     actions = actions.to(torch.device("cpu"))
     fitting = torch.ones(len(actions.verb), dtype=torch.bool) if fits is None else fits.cpu()
@@ -47,8 +47,8 @@ def best_draws(
 
 
 def missed_motion(actions: Actions) -> Float[Tensor, " B"]:
-    """How much farther objects are from where they were drawn than they may be when they move only
-    while a hand touches them, metres; less than zero where hands carry them.
+    """Distance of objects from their sampled motion, when they move only while a hand touches them,
+    beyond the allowed one (`MISSED_SHARE`, `MISSED`), metres; negative where hands carry them.
     """
     both = map(_object_places, (actions, moved_by_hands(actions)))
     drawn, moved = (places - places[:, :1] for places in both)
@@ -57,10 +57,10 @@ def missed_motion(actions: Actions) -> Float[Tensor, " B"]:
 
 
 def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
-    """Mean distance over the frames between each two of `draws` neighbours, metres.
+    """Mean distance over the frames between each two of `draws` consecutive samples, metres.
 
-    It is that of the object, and that of how far keypoints of the hands are from its middle: hands
-    that come from other sides are alike.
+    It is the distance of the object's poses plus the difference of the keypoints' distances from
+    the object's centroid, so that hands on different sides of it are alike.
     """
     middle = (actions.rotation @ actions.points.mean(1)[:, None, :, None])[..., 0]
     middle = (middle + actions.translation)[:, None, :, None]
@@ -75,7 +75,7 @@ def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
 
 
 def depth_in_object(actions: Actions) -> Float[Tensor, " B"]:
-    """Depth of the deepest sphere of the hands in the object, mean over some frames, metres."""
+    """Penetration depth of the deepest hand sphere, mean over every `EVERY`-th frame, metres."""
     frames = torch.arange(0, actions.joint.shape[1], EVERY)
     some = actions.at_frames(frames.expand(len(actions.verb), -1))
     joints = some.keypoints()

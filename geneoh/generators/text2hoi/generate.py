@@ -56,24 +56,22 @@ class GenerateOptions:
     steps: int = STEPS
     """Denoising steps, 1 to 1,000."""
     guidance: float = GUIDANCE
-    """How far answers go beyond those without the sentence, 0 to 10; 1 is plain, and takes half the
-    time to draw."""
+    """Classifier-free guidance scale, 0 to 10: 1 takes the prediction with the sentence, in half
+    the sampling time; more extrapolates beyond it, away from the one without the sentence."""
     draws: int = DRAWS
-    """Motions that are drawn, 1 to 64; one is kept whose hands carry the object, like the others
-    and not deep in it."""
+    """Motions that are sampled, 1 to 64. The one that is kept is like the others; its hands carry
+    the object and do not penetrate it deeply."""
     refine: Refiner = "geneoh"
-    """What mends the hands: "paper" is the refiner of Text2HOI, one pass of a network; after it
-    "geneoh" brings hands to the surface that they hold and cleans them with `geneoh.denoise`;
-    "none"."""
+    """How hands are refined: "paper" is one pass of Text2HOI's refiner network; "geneoh" then also
+    brings hands to the surface that they hold and cleans them with `geneoh.denoise`; or "none"."""
     weights: Path | None = None
-    """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
+    """Folder of networks, as `geneoh train` writes it; missing ones are the shipped ones."""
     text_encoder: Path | None = None
     """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
     seed: int = 0
     """Seed of all random numbers; another one makes another interaction."""
     device: str = "cpu"
-    """Device that the networks and the cleaner run on, as torch names it. What is made is on the
-    CPU."""
+    """Device of the networks and the cleaner, as torch names it. Results are on the CPU."""
 
     def __post_init__(self) -> None:
         """Take paths given as text, and refuse values that no setting has."""
@@ -87,10 +85,10 @@ class Generated:
     sequence: Sequence
     """Hands and object, world frame with z up, the table at z = 0, 30 frames a second."""
     contact: Float[Tensor, " V"]
-    """Probability that hands touch each vertex of the mesh, which hands were made for."""
+    """Contact map that the hands were made for: probability of contact at each mesh vertex."""
     prompt: Prompt
     refined: Denoised | None
-    """What the cleaner did; None without it."""
+    """The result of the cleaner; None if it did not run."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
@@ -113,17 +111,17 @@ def generate(
 
     Args:
         sentence: such as "pour from the kettle with the right hand"; English, of one action.
-        mesh: the object or its file, metres; or two of them for the parts of an object, in one
-            frame and closed, the part that rests first.
+        mesh: the object or its file, metres; or two for the parts of an object in its closed state,
+            in one frame, the resting part first.
         options: see `GenerateOptions`.
         joint: how the second part moves, a `Joint` or its text such as "hinge:0,0.05,0.07:-1,0,0"
-            (see `geneoh.geometry.joint.FORM`); without it, it is found from the meshes.
-        on_progress: told of the stages "motion" and those of the cleaner.
+            (see `geneoh.geometry.joint.FORM`); None finds the joint from the meshes.
+        on_progress: called for the stage "motion" and for those of the cleaner.
 
     Raises:
         InputError: the sentence is empty, not English or contradicts itself, the object is too
             large or too small for hands, or parts and joint do not fit each other.
-        ConfigError: these are no options, or they name no device of this machine.
+        ConfigError: the options are invalid, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
     asked = GenerateOptions() if options is None else options
@@ -176,10 +174,10 @@ def generate(
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
     sequence, refined = placed_sequence(actions, stood, meshes, prompt.sentence), None
     if options.refine == "geneoh":
-        # no tracker can have lost these hands: one that stands still at its object is meant to
+        # no tracker lost these hands: a hand that stands still at the object is intended
         cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
         refined = clean_interaction(sequence, cleaning, on_progress)
-        # the cleaner may leave a hand that is on its way at either end
+        # the cleaner may leave a hand in motion at either end, so that time is eased again
         time = eased_time(frames, torch.tensor([[frames - 1.0]]))[0]
         refined = result_at_times(refined, time)
         sequence = replace(refined.sequence, source=sequence.source)
@@ -193,7 +191,7 @@ def _length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOpti
 
 
 def objects_of(stood: StandingObject) -> Objects:
-    """A batch of one rigid object, as the networks take it."""
+    """A batch of one rigid object, as input of the networks."""
     none = torch.zeros(1, 3)
     return Objects(
         points=stood.points[None],
@@ -208,7 +206,7 @@ def objects_of(stood: StandingObject) -> Objects:
 def placed_sequence(
     actions: Actions, stood: StandingObject, meshes: tuple[Mesh, ...], sentence: str
 ) -> Sequence:
-    """The first action as a sequence, with the poses of the meshes as their files have them."""
+    """The first action as a sequence, with the poses of the meshes in the frames of their files."""
     sequence = action_sequence(actions, meshes, f"generated: {sentence}")
     moved = [rigid_part(actions, part) for part in range(len(meshes))]
     poses = zip(*map(stood.poses, moved), strict=True)
@@ -218,10 +216,10 @@ def placed_sequence(
 
 
 def action_sequence(actions: Actions, meshes: tuple[Mesh, ...], source: str = "") -> Sequence:
-    """The first action as a sequence of its hands of the mean shape and its object.
+    """The first action as a sequence with hands of the mean shape and the object.
 
-    `meshes` are one for each part of the object, in the frame of `Actions`; with one mesh the
-    joint is left out.
+    `meshes` has one mesh for each part, in the object frame of `Actions`; with one mesh the joint
+    is ignored.
     """
     frames = slice(int(actions.length[0]))
     hands = tuple(
@@ -245,7 +243,7 @@ def action_sequence(actions: Actions, meshes: tuple[Mesh, ...], source: str = ""
 def save_generated(made: Generated, path: Path | str) -> None:
     """Write an interaction as a geneoh-sequence npz, whole or not at all.
 
-    Beside the fields of a sequence it keeps `contact` (V,), `prompt` and `verb`.
+    The file also has `contact` (V,), `prompt` and `verb`.
 
     Raises:
         InputError: the place cannot be written to.
@@ -259,6 +257,6 @@ def save_generated(made: Generated, path: Path | str) -> None:
 
 
 def _fault_note(draws: int, fault: str) -> str:
-    """The note on what is wrong even in the best draw."""
+    """The note on a fault that even the best sample has."""
     drawn = f"the best of {draws} drawn motions" if draws > 1 else "the drawn motion"
     return f"in {drawn} {fault}; another seed or more draws may make a better one"

@@ -1,4 +1,4 @@
-"""From sentences and objects to actions: contact maps, then a reverse process over all numbers."""
+"""From sentences and objects to actions: contact maps, then the reverse diffusion of motion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from geneoh.progress import OnStep
 from geneoh.synthesis.actions.action import Actions
 
 UNKNOWN = -1
-"""Verb and name of actions that are made for a sentence."""
+"""Index of the verb and of the object's name in generated actions."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,14 @@ class Text2HoiSampling:
     """How actions are drawn from the networks."""
 
     sampler: Sampler = "multistep"
-    steps: int = STEPS  # from noise to numbers (paper: 1,000 ancestral ones)
+    steps: int = STEPS  # denoising steps (paper: 1,000 ancestral ones)
     guidance: float = GUIDANCE
-    """How far answers are moved from the one without a sentence to the one with it: 1 is the answer
-    with it (paper), and more than 1 goes beyond it, at twice the time."""
+    """Classifier-free guidance scale: 1 takes the prediction with the sentence (paper); more
+    extrapolates beyond it, away from the one without a sentence, at twice the time."""
     smoothing: float = 2.0
-    """Deviation in frames of the Gaussian over the numbers at last; 0 for none (paper)."""
+    """Standard deviation of the final Gaussian over time, frames; 0 for none (paper)."""
     draws: int = DRAWS
-    """Actions that are drawn for each that is kept, see `best_draws` (paper: 1)."""
+    """Actions that are sampled for each that is kept, see `best_draws` (paper: 1)."""
 
 
 @torch.no_grad()
@@ -55,25 +55,24 @@ def sample_actions(
     fitting: Callable[[Actions], Bool[Tensor, " B"]] | None = None,
     on_step: OnStep | None = None,
 ) -> tuple[Actions, Float[Tensor, "B P"]]:
-    """An action for each sentence with its object, its hands and its number of frames; and the
-    contact map that it was made for.
+    """An action for each sentence, object, hands and length, and the contact map it was made for.
 
-    Of `config.draws` actions for a sentence the best one is kept (see `best_draws`). Each of them
-    has a random contact map of its own, unless those of the sentences are given. Where
-    `giver` names the hand that passes the object to the other, one in which that hand does is kept,
-    if one was drawn; or `fitting` tells of all drawn actions which ones fit. Verbs and names are
-    `UNKNOWN`. Clips are drawn with whole tokens, because axes that frames of a token share fit no
-    parts of one, and then take the time that is asked for.
+    Of `config.draws` samples for a sentence the best one is kept (see `best_draws`). Each sample
+    has a random contact map of its own, unless `contact` has one for each sentence. If `giver`
+    names the hand that passes the object to the other, samples in which it does are preferred;
+    `fitting`, if passed, decides instead which samples fit. Verbs and names are `UNKNOWN`. Clips
+    are sampled in whole tokens, because principal axes over the frames of a token do not fit a part
+    of it, and then resampled to `lengths`.
 
     Raises:
-        CheckpointError: the networks answer with NaN, as of damaged weights.
+        CheckpointError: the networks return NaN, as damaged weights do.
     """
     config, device = config or Text2HoiSampling(), objects.points.device
     clips = torch.arange(len(sentences), device=device).repeat_interleave(config.draws)
     objects, lengths = objects.take(clips, "B"), lengths.to(device)[clips]
     sentences = [sentences[int(clip)] for clip in clips]
     hands = [hands[int(clip)] for clip in clips]
-    # maps are drawn where they are given, too, so that the noise of the actions is the same
+    # maps are sampled even if `contact` is passed, so that actions get the same noise
     text = networks.text.encode(sentences).to(objects.points)
     maps = networks.contact.sample(objects, text, generator=generator)
     contact = maps if contact is None else contact[clips]
@@ -103,7 +102,7 @@ def actions_of_numbers(
     lengths: Int[Tensor, " B"],
     smoothing: float,
 ) -> Actions:
-    """Drawn numbers as actions in the time that is asked for; see `sample_actions`."""
+    """Sampled features as actions, smoothed and resampled to `lengths`."""
     valid, objects = condition.valid, condition.objects
     numbers = smoothed_clips(finite_output(numbers), smoothing, valid.sum(1))
     flat, frame = network.denormalise(numbers), network.config.frame
@@ -119,7 +118,7 @@ def condition_of(
     lengths: Int[Tensor, " B"],
     contact: Float[Tensor, "B P"],
 ) -> Condition:
-    """What the interaction network is told; contact maps are made binary for the paper's form."""
+    """The condition of the interaction network; contact maps are binary for the paper's form."""
     device = objects.points.device
     told = torch.ones(len(text), dtype=torch.bool, device=device)
     sides = [TAKING_PART[each] for each in hands]
@@ -142,7 +141,7 @@ def drawn_numbers(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "B T 208"]:
-    """Normalised numbers by the reverse process."""
+    """Normalised features sampled by the reverse process, with guidance."""
     told, guided = network.encode(condition), config.guidance != 1
     untold = network.encode(condition.without_text()) if guided else told
 
@@ -166,7 +165,7 @@ def drawn_numbers(
 
 
 def still(objects: Objects, frames: int) -> Actions:
-    """Actions in which nothing happens, with given objects."""
+    """Actions of the objects without hands and motion."""
     points = objects.points
     count = len(points)
     unknown = torch.full((count,), UNKNOWN, device=points.device)

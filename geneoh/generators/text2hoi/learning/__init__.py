@@ -1,1 +1,1 @@
-"""What the networks of Text2HOI learn from, and how."""
+"""Training data and training tasks of the networks of Text2HOI."""

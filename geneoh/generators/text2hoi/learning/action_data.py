@@ -1,6 +1,6 @@
-"""What the networks of the generator learn from: made actions, or recordings of the user's.
+"""Training data of the networks of Text2HOI: synthetic actions, or the user's recordings.
 
-Each recording becomes a shard on disk; they are split by subject.
+Each recording becomes a shard on disk; the validation split is by subject.
 """
 
 from collections import Counter
@@ -42,12 +42,12 @@ def action_data(
     options: ReaderOptions,
     on_progress: OnProgress | None = None,
 ) -> TrainingData[ActionData]:
-    """Made actions of a folder, or those of recordings, whose shards lie in the folder `cache`.
+    """Synthetic actions of a folder, or those of recordings, whose shards lie in folder `cache`.
 
     Raises:
         InputError: there are no actions, or files cannot be read.
-        ConfigError: the source is none with labels of actions, or settings of recordings are given
-            for made actions.
+        ConfigError: the source has no labels of actions, or there are settings of recordings for
+            synthetic actions.
     """
     if not data.source:
         if config != RecordedConfig():
@@ -73,7 +73,7 @@ def action_data(
 
 
 def made_actions(folder: Path, split: str) -> ActionData:
-    """The made actions of one split; raises as `read_actions`."""
+    """The synthetic actions of one split; raises as `read_actions`."""
     actions, names = read_actions(folder, split)
     return ActionData(actions, tuple(names))
 
@@ -87,10 +87,10 @@ def recorded_actions(
     *,
     on_step: OnStep | None = None,
 ) -> TrainingData[ActionData]:
-    """The labelled actions of a data set below a path: to learn from, and to validate on.
+    """The labelled actions of a data set below a path, split into training and validation.
 
-    A recording becomes a shard in `folder`, which is read at once as long as its files stay the
-    same. Notes tell what was found, left out, and could not be read.
+    Each recording becomes a shard in `folder`, which is reused while the recording's files stay the
+    same. Notes report what was found, left out, and could not be read.
 
     Raises:
         InputError: no recording can be read, or none holds a labelled action.
@@ -133,7 +133,7 @@ def recorded_actions(
 
 
 def _held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
-    """Which actions are of the subject that is held out, and words on that."""
+    """Mask of the actions of the held-out subject, and the words of the note on it."""
     known = sorted(set(subjects), key=lambda name: (len(name), name))
     if chosen and chosen not in known:
         raise ConfigError(
@@ -155,11 +155,11 @@ class Recordings:
     config: RecordedConfig
     options: ReaderOptions
     surfaces: dict[tuple[str, ...], Surface] = field(default_factory=dict)
-    """Points of the objects that were met, which are the same in all recordings."""
+    """Surface points of the objects read so far, which are the same in all recordings."""
 
     @property
     def asked(self) -> dict[str, Any]:
-        """What of the settings a shard depends on; who is held out changes none."""
+        """The settings that a shard depends on; the held-out subject is none of them."""
         settings = asdict(self.config)
         del settings["held_out"]
         return {"format": FORMAT, "recorded": settings}
@@ -167,7 +167,7 @@ class Recordings:
     def shards(
         self, path: Path, folder: Path, on_step: OnStep | None
     ) -> tuple[list[Path], list[str]]:
-        """The shards of all recordings, made where they are not there, and why some cannot be."""
+        """The shards of all recordings, written where missing or outdated, and the failures."""
         clips = find_clips(source_named(self.source), [path])
         labelled = [clip for clip in clips if has_labels(self.source, clip)]
         if not labelled:
@@ -178,7 +178,7 @@ class Recordings:
         return written_shards(labelled, folder, self.is_fresh, self.write, on_step)
 
     def is_fresh(self, shard: Path, clip: SourceClip) -> bool:
-        """Whether a shard is there, whole, made as asked, and from the files as they are."""
+        """Whether a shard exists, is undamaged, and has these settings and the current files."""
         try:
             with opened_tensors(shard) as (_, record):
                 if any(record.get(name) != value for name, value in self.asked.items()):
@@ -216,7 +216,7 @@ class Recordings:
     def cut(
         self, clip: SourceClip, meshes: set[Path]
     ) -> Iterator[tuple[Actions | str, dict[str, str]]]:
-        """Each labelled stretch of a recording as an action, or why it is none.
+        """Each labelled stretch of a recording as an action, or the reason why it is not used.
 
         The files of the objects' meshes are added to `meshes`.
         """

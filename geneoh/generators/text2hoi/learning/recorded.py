@@ -1,9 +1,9 @@
-"""Actions out of the user's recordings of H2O, GRAB and ARCTIC.
+"""Actions from the user's recordings of H2O, GRAB and ARCTIC.
 
 Source: Text2HOI, supplement, with the rules of its code: 30 frames a second, at most 150 of them; a
 hand takes part where one of its keypoints comes within 2 cm of one of 1,024 surface points of the
-object, or where the label names it. Ours: hands take part only if they are seen in all frames, and
-the object's own frame is the one in which it rests in the first frame of the recording.
+object, or where the label names it. Ours: hands take part only if they are tracked in all frames,
+and the object frame is upright as the object rests in the first frame of the recording.
 """
 
 from dataclasses import dataclass, replace
@@ -31,14 +31,14 @@ class RecordedConfig(Limited):
     """How recordings become actions; saved with them."""
 
     points: int = POINTS  # surface points of an object
-    up: Axis = "z"  # axis of the recordings' world that points up; so it is in GRAB
+    up: Axis = "z"  # axis of the recordings' world that points up (z in GRAB)
     held_out: str = ""
-    """The subject whose clips are for validation alone; empty is for the last one by name."""
+    """The subject whose clips are for validation only; empty for the last one by name."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Points of an object as its meshes have them, with the joint at zero."""
+    """Surface points of an object in the frame of its meshes, with the joint at zero."""
 
     points: Float[Tensor, "P 3"]
     normals: Float[Tensor, "P 3"]
@@ -46,14 +46,14 @@ class Surface:
 
     @classmethod
     def of(cls, meshes: tuple[Mesh, ...], count: int) -> "Surface":
-        """Points spread by area, the same ones in every clip of an object."""
+        """Points sampled by area, the same ones in every clip of an object."""
         generator = seeded_generator("surface", *(mesh.sha256 for mesh in meshes))
         return cls(*drawn_surface(meshes, count, generator=generator))
 
 
 @dataclass(frozen=True)
 class ActionFrame:
-    """From a recording to the world and the object's frame of actions.
+    """Transforms from the world and mesh frames of a recording to those of actions.
 
     p_action = turn @ p_recording - origin in the world, p_upright = upright @ p_mesh - shift.
     """
@@ -67,8 +67,8 @@ class ActionFrame:
     def of(
         cls, recording: Sequence, start: int, first: int, surface: Surface, up: Axis
     ) -> "ActionFrame":
-        """The object is upright as in the frame `first`, when its lowest point is on the table,
-        and above the origin in the frame `start`."""
+        """The transforms with the object upright as at time `first`, when its lowest point is on
+        the table, and above the origin at time `start`."""
         turn, track = turn_up(up), recording.object
         upright = turn @ track.rotation[first, 0]
         points = surface.points @ upright.T
@@ -83,7 +83,7 @@ class ActionFrame:
 def action_of(
     recording: Sequence, label: Label, surface: Surface, up: Axis, known: Bool[Tensor, " T"]
 ) -> Actions | str:
-    """A stretch of a recording as one action, or why it is none, in words.
+    """A stretch of a recording as one action, or the reason why it cannot be used, in words.
 
     `known` are the frames in which the object's pose was observed. Verb and name are 0.
     """
@@ -111,14 +111,14 @@ def action_of(
 
 
 def usable(track: HandTrack, chosen: Int[Tensor, " N"]) -> bool:
-    """Whether a hand is posed in all frames."""
+    """Whether a hand has pose parameters in all chosen frames."""
     return track.pose is not None and track.wrist is not None and bool(track.valid[chosen].all())
 
 
 def object_action(
     recording: Sequence, chosen: Int[Tensor, " N"], surface: Surface, place: ActionFrame
 ) -> Actions:
-    """The object's motion in the frames chosen, without hands."""
+    """The object's motion in the chosen frames, without hands."""
     track, zeros = recording.object, torch.zeros(1, dtype=torch.long)
     rotation = place.turn @ track.rotation[chosen, 0] @ place.upright.T
     translation = track.translation[chosen, 0] @ place.turn.T + rotation @ place.shift
@@ -143,7 +143,7 @@ def object_action(
 
 
 def padded(values: Float[Tensor, "N ..."]) -> Float[Tensor, "T ..."]:
-    """Values of `LONGEST` frames, the last of which repeat the last one that there is."""
+    """Values padded to `LONGEST` frames by repeating the last one."""
     return values[torch.arange(LONGEST).clamp(max=len(values) - 1)]
 
 
@@ -159,7 +159,7 @@ def opening(rotation: Float[Tensor, "N Q 3 3"]) -> Float[Tensor, " N"]:
 def _with_hands(
     action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: ActionFrame
 ) -> Actions:
-    """The action with all hands that are seen."""
+    """The action with the hands of all tracks in `seen`."""
     pose, wrist = action.pose.clone(), action.wrist.clone()
     for track in seen:
         assert track.pose is not None, "hands that are seen are posed"

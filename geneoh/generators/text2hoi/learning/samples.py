@@ -1,4 +1,4 @@
-"""What the networks of Text2HOI learn from: actions with sentences and contact maps, in batches."""
+"""Training batches of the networks of Text2HOI: actions with sentences and contact maps."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +28,7 @@ class ActionData:
     actions: Streamed[Actions]
     names: tuple[str, ...]
     verbs: tuple[str, ...] | None = None
-    """The verbs of recordings, whose sentences keep them; None for made actions, whose verbs are
+    """The verbs of recordings, which get no synonyms; None for synthetic actions, whose verbs are
     `VERBS` with their synonyms."""
 
     @property
@@ -38,7 +38,7 @@ class ActionData:
 
     @cached_property
     def contact(self) -> Bool[Tensor, "B P"]:
-        """Points that are touched."""
+        """True contact maps: mask of the points that are touched."""
         return self.actions.each(contact_maps)
 
     @cached_property
@@ -48,18 +48,18 @@ class ActionData:
 
     @cached_property
     def kind(self) -> Tensor:
-        """A number for each verb with its hands."""
+        """An index of each action's combination of verb and hands."""
         both = torch.tensor([1, 2])
         return self.actions.each(lambda actions: 4 * actions.verb + actions.hands.long() @ both)
 
 
 @dataclass(frozen=True)
 class ActionSamples(Bundle):
-    """A batch of actions with what tells of them."""
+    """A batch of actions with their contact maps and sentence vectors."""
 
     actions: Actions
     touched: Float[Tensor, "B P"]  # the true contact map
-    contact: Float[Tensor, "B P"]  # the one that is told
+    contact: Float[Tensor, "B P"]  # the map that conditions the network, true or estimated
     text: Float[Tensor, "B W"]
 
     @property
@@ -76,10 +76,10 @@ def draw_samples(
     draws: Draws,
     network: ContactNetwork | None = None,
 ) -> ActionSamples:
-    """Random actions with a random sentence each, some of them in a mirror.
+    """Random actions with a random sentence each, some of them mirrored.
 
-    Clips are cut to the longest one of the whole batch, of which `draws` may be for a part. With a
-    network of contact maps some are told its maps instead of the true ones.
+    Clips are cut to the longest one of the whole batch, even if `draws` is for a part of it. With a
+    contact network some clips have its estimated contact maps in place of the true ones.
     """
     counts = torch.bincount(data.kind).double()
     weight = counts[data.kind] ** -config.balance
@@ -99,7 +99,7 @@ def draw_samples(
 
 
 def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
-    """A random sentence for each of some actions of the data, each by a seed of its own."""
+    """A random sentence for each of some actions of the data, each with a seed of its own."""
     seeds = draws.integers(0, 2**31).tolist()
     said = [data.verb_words[verb] for verb in actions.verb.tolist()]
     passed = torch.tensor([n for n, verb in enumerate(said) if verb == "pass"], dtype=torch.long)

@@ -1,4 +1,4 @@
-"""The networks of Text2HOI by the names of their stages, as `geneoh train` learns them."""
+"""Training tasks of the networks of Text2HOI, by the stage names of `geneoh train`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,17 +23,17 @@ from geneoh.training.tasks import Task
 
 @dataclass(frozen=True)
 class Learned:
-    """What networks of the generator learn from, and where they lie."""
+    """The training data, and the files that training starts from."""
 
-    data: DataSource  # a folder of made actions, or recordings with labels
-    folder: Path  # of the networks before, and of what is made out of recordings
-    text_encoder: Path | None = None  # another one than that of the folder, or the shipped
+    data: DataSource  # a folder of synthetic actions, or recordings with labels
+    folder: Path  # with the networks of earlier stages, and for shards of recordings
+    text_encoder: Path | None = None  # folder of one to use instead of that in `folder`
     readers: ReaderOptions = field(default_factory=ReaderOptions)
 
     def actions(
         self, config: RecordedConfig, on_progress: OnProgress | None
     ) -> TrainingData[ActionData]:
-        """The actions."""
+        """The training data; shards of recordings are kept in the folder."""
         cache = self.folder / "recordings"
         return action_data(self.data, config, cache, self.readers, on_progress)
 
@@ -45,16 +45,16 @@ def generator_task(
     learned: Learned,
     on_progress: OnProgress | None = None,
 ) -> tuple[Task, tuple[str, ...]]:
-    """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
+    """The task of `geneoh train --stage` and notes on its data; `settings` override the file.
 
-    All but the text encoder learn from actions, with the networks before them that are in the
-    folder, or the shipped ones. Returns notes on the data as well.
+    `settings` are texts such as `a.b=c`. All networks but the text encoder learn from actions, with
+    the networks of earlier stages in the folder, or the shipped ones.
 
     Raises:
         InputError: there are no actions.
         CheckpointError: weights in the folder do not fit their network.
         ConfigError: the file cannot be read, a setting is unknown or of the wrong type, or networks
-            before were trained with another text encoder.
+            of earlier stages were trained with another text encoder.
     """
     if stage == "text":
         return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
@@ -74,7 +74,7 @@ def action_task(
     learned: Learned,
     on_progress: OnProgress | None = None,
 ) -> tuple[ActionTask, tuple[str, ...]]:
-    """What a stage learns from actions; arguments and errors are those of `generator_task`."""
+    """The task of a stage that learns from actions; see `generator_task`."""
     chosen = stage_config(Text2HoiConfig(), stage, config, settings)
     encoder = encoder_of(learned.folder, learned.text_encoder)
     chosen = replace(

@@ -1,4 +1,4 @@
-"""Stage "text" of the generator: the text encoder learns what sentences mean."""
+"""Stage "text" of the generator: training of the text encoder."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,7 +27,7 @@ from geneoh.training.tasks import DrawnSamples, SamplesTask, divided_batch, firs
 
 KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
 """Kinds of validation sentences."""
-MEASURED = 512  # sentences of a kind that the encoder is measured on
+MEASURED = 512  # validation sentences of each kind
 
 
 def _network() -> TextConfig:
@@ -42,26 +42,26 @@ class TextTrainConfig(RunConfig):
     batch: int = 48  # meanings, each in two phrasings
     rate: float = 1e-3
     validation_batches: int = 4  # one of each of `KINDS`
-    temperature: float = 0.1  # of the contrast between two phrasings of a meaning and the others
-    contrast: float = 0.5  # weight of that contrast
-    nouns: float = 0.5  # weight of the noun
+    temperature: float = 0.1  # of the contrastive loss between phrasings
+    contrast: float = 0.5  # weight of the contrastive loss
+    nouns: float = 0.5  # weight of the noun's cross-entropy
     withhold: bool = True
-    """Whether the synonyms of `text_data.WITHHELD` are kept from training. The shipped weights
-    know them; they were measured with a run that does not."""
+    """Whether the synonyms of `text_data.WITHHELD` are withheld from training. The shipped weights
+    were trained with them; unseen synonyms were measured in a run without them."""
     text: TextConfig = field(default_factory=_network)
 
     def __post_init__(self) -> None:
-        """Refuse numbers outside of their limits, and fewer classes than sentences name."""
+        """Refuse values outside of their limits, and heads with too few classes."""
         super().__post_init__()
         named = text_data.CLASSES.items()
         check_limits(self.text, {head: (len(each), self.text.LARGEST) for head, each in named})
 
 
 def text_loss(network: TextNetwork, batch: Sentences, config: TextTrainConfig) -> Float[Tensor, ""]:
-    """Cross-entropy of verb, hands and noun, and the contrast between phrasings.
+    """Cross-entropy of verb, hands and noun, and a contrastive loss between phrasings.
 
-    Of two phrasings each must be closer to the other one than to any sentence of another meaning
-    in the batch.
+    Each phrasing of a meaning should be closer to the other one than to any sentence of another
+    meaning in the batch.
     """
     vectors = network(batch.pieces.flatten(0, 1))
     reading = network.read(vectors)
@@ -82,14 +82,14 @@ def text_loss(network: TextNetwork, batch: Sentences, config: TextTrainConfig) -
 
 @dataclass(frozen=True)
 class TextTask(SamplesTask):
-    """The text encoder, learned from captions that are made for every batch."""
+    """The text encoder, learned from captions that are generated for every batch."""
 
     config: TextTrainConfig
     name: str = "text"
 
     @cached_property
     def tokenizer(self) -> Tokenizer:
-        """The pieces of words, the same for every run of a seed."""
+        """The tokenizer, the same for every run of a seed."""
         generator = seeded_generator(self.config.seed, "text", "pieces")
         return text_data.vocabulary(self.config.text.pieces, generator=generator)
 
@@ -98,12 +98,12 @@ class TextTask(SamplesTask):
         return text_loss(model, samples, self.config)
 
     def network(self) -> TextNetwork:
-        """A fresh network."""
+        """An untrained network."""
         with first_weights(self.config.seed, "text", "weights"):
             return TextNetwork(self.config.text)
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """Sentences of the whole batch, of which this process's are kept."""
+        """The pieces of this process's part of a batch, which is drawn as a whole."""
         config = self.config
         generator = seeded_generator(config.seed, self.name, *parts, 0)
         words = text_data.SEEN if config.withhold else text_data.WORDS
@@ -114,7 +114,7 @@ class TextTask(SamplesTask):
         return divided_batch(drawn, generator, own, pieces)
 
     def validate(self, model: TextNetwork, index: int) -> Float[Tensor, ""]:
-        """Share of wrong verbs and wrong hands on sentences of one of `KINDS`."""
+        """Error rate on sentences of one of `KINDS`, the mean of that of verbs and of hands."""
         generator = seeded_generator(self.config.seed, "text", "validation", index)
         kind = KINDS[index % len(KINDS)]
         right = accuracy(model, self.tokenizer, kind, generator=generator)
@@ -134,7 +134,7 @@ class TextTask(SamplesTask):
 def accuracy(
     network: TextNetwork, tokenizer: Tokenizer, kind: str, *, generator: torch.Generator
 ) -> tuple[float, float]:
-    """Shares of right verbs and right hands on random sentences of a kind about made actions."""
+    """Accuracy of verbs and of hands on random sentences of a kind, with verbs of `VERBS`."""
     chosen: list[tuple[str, str, HandsName]] = [
         (one_of(VERBS, generator), one_of(tuple(NOUN_WORDS), generator), one_of(HANDS, generator))
         for _ in range(MEASURED)

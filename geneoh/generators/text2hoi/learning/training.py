@@ -1,4 +1,4 @@
-"""The networks of Text2HOI as tasks of the training loop, and the loss of each on samples."""
+"""The networks of Text2HOI as tasks of the training loop, and the loss of each."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -47,8 +47,8 @@ class ActionTask(SamplesTask):
     config: Text2HoiConfig
     data: TrainingData[ActionData]
     encoder: TextEncoder
-    contact: ContactNetwork | None = None  # of which later networks are told estimated maps
-    interaction: InteractionNetwork | None = None  # whose clips the refiner learns to refine
+    contact: ContactNetwork | None = None  # estimates contact maps for later networks
+    interaction: InteractionNetwork | None = None  # makes the clips that the refiner learns from
 
     def loss(self, model: Any, samples: ActionSamples, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network."""
@@ -59,7 +59,7 @@ class ActionTask(SamplesTask):
         return interaction_loss(model, samples, self.config, draws)
 
     def network(self) -> nn.Module:
-        """A fresh network, made for the text encoder and with the scales of the data."""
+        """An untrained network, with statistics fitted to the data where it normalises."""
         with first_weights(self.config.seed, self.name, "weights"):
             if self.name == "contact":
                 return ContactNetwork(self.config.contact)
@@ -73,7 +73,7 @@ class ActionTask(SamplesTask):
         return network
 
     def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
-        """ActionSamples that are drawn together and then divided."""
+        """The pieces of a batch of `ActionSamples`, which is drawn as a whole and then divided."""
         data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, *parts)
         draws = Draws(own.count, generator, own)
@@ -81,7 +81,7 @@ class ActionTask(SamplesTask):
         return divided_batch(samples, generator, own, pieces)
 
     def learned_from(self) -> dict[str, Any]:
-        """Fingerprints of the actions, the text encoder and the networks before."""
+        """Fingerprints of the actions, the text encoder and the networks of earlier stages."""
         before = {"contact": self.contact, "interaction": self.interaction}
         weights = {
             name: each and digest(each.state_dict().values()) for name, each in before.items()
@@ -95,7 +95,7 @@ class LengthTrainConfig(RunConfig):
 
     steps: int = 2000
     batch: int = 64
-    divergence: float = 0.001  # weight of the divergence of the latent
+    divergence: float = 0.001  # weight of the KL divergence of the latent
     length: LengthConfig = field(default_factory=LengthConfig)
     recorded: RecordedConfig = field(default_factory=RecordedConfig)
     """How recordings of the user become actions."""
@@ -111,7 +111,7 @@ class LengthSamples(Bundle):
 
 @dataclass(frozen=True)
 class LengthTask(SamplesTask):
-    """The length network, learned from sentences for actions."""
+    """The length network, learned from sentences and the lengths of their actions."""
 
     config: LengthTrainConfig
     data: TrainingData[ActionData]
@@ -125,7 +125,7 @@ class LengthTask(SamplesTask):
         return length_loss(model, length, samples.text, divergence=weight, noise=noise)
 
     def network(self) -> LengthNetwork:
-        """A fresh network."""
+        """An untrained network."""
         with first_weights(self.config.seed, self.name, "weights"):
             return LengthNetwork(self.config.length)
 
@@ -144,7 +144,7 @@ class LengthTask(SamplesTask):
 
 
 def take_points(network: InteractionNetwork, contact: ContactNetwork) -> None:
-    """Give a network the features of points that the contact network learned, as the paper does."""
+    """Copy the contact network's point features into a network and freeze them, as in the paper."""
     try:
         network.object.points.load_state_dict(contact.points.state_dict())
     except RuntimeError as error:
@@ -172,18 +172,18 @@ def contact_task_loss(
 
 @dataclass(frozen=True)
 class Answer:
-    """One answer of the interaction network to clips with noise."""
+    """A prediction of the interaction network for noisy clips."""
 
-    clean: Tokens
-    guess: Tokens
+    clean: Tokens  # the true clips
+    guess: Tokens  # the predicted ones
     squared: Float[Tensor, ""]  # the simple loss
-    sigma: Float[Tensor, " B"]  # of the noise
+    sigma: Float[Tensor, " B"]  # standard deviation of the noise
 
 
 def answer_to_noise(
     network: InteractionNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
 ) -> Answer:
-    """What the network makes of the samples at random levels of noise, in one pass."""
+    """The prediction of the network for samples at random noise levels, in one pass."""
     tokens = tokens_of(samples.actions, network.config.frame)
     condition = Condition(
         samples.text,
@@ -206,7 +206,7 @@ def answer_to_noise(
 def interaction_loss(
     network: InteractionNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
 ) -> Float[Tensor, ""]:
-    """The loss of the interaction network at random levels of noise."""
+    """The loss of the interaction network at random noise levels."""
     answer = answer_to_noise(network, samples, config, draws)
     sigma = answer.sigma
     share = 1 / (1 + sigma.square()) if config.losses.sharp else torch.ones_like(sigma)
@@ -223,9 +223,9 @@ def refiner_task_loss(
     config: Text2HoiConfig,
     draws: Draws,
 ) -> Float[Tensor, ""]:
-    """The loss of the refiner on what one pass of the interaction network makes of clips.
+    """The loss of the refiner on clips that one pass of the interaction network denoised.
 
-    Source: Text2HOI, section 3.5 and its code. The object is where the interaction network puts it.
+    Source: Text2HOI, section 3.5 and its code. Object poses are predictions of that network too.
     """
     interaction = interaction.to(samples.text.device)
     with torch.no_grad():
@@ -238,7 +238,7 @@ def refiner_task_loss(
 
 
 def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict[str, Any]:
-    """What weights tell of the actions that they were learned from, and of the text encoder."""
+    """The record of training actions and text encoder that is stored with the weights."""
     return {
         "sequences": len(data.training.actions),
         "data": _data_digest(data.training),
@@ -249,12 +249,12 @@ def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict
 
 
 def _data_digest(data: ActionData) -> str:
-    """A fingerprint of actions by their lengths and the last place of each wrist."""
+    """A fingerprint of actions by their lengths and the last position of each wrist."""
     return digest([data.lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
 def _words_digest(*several: ActionData) -> str:
-    """A fingerprint of what sentences for actions are made of: their verbs and objects."""
+    """A fingerprint of the verbs and object names from which sentences are made."""
 
     def parts(data: ActionData) -> Iterator[Tensor | str]:
         yield data.actions.each(lambda actions: torch.stack([actions.verb, actions.name], dim=1))
@@ -264,10 +264,10 @@ def _words_digest(*several: ActionData) -> str:
 
 
 def text_record(encoder: TextEncoder) -> dict[str, Any]:
-    """What weights tell of the text encoder that they were trained with, by the vector of `ASKED`.
+    """The record of the text encoder that is stored with the weights: its vector of `ASKED`.
 
-    A fingerprint of it in half precision, by which runs are continued; and its numbers, because
-    machines round a vector apart.
+    A resumed run compares the fingerprint in half precision; the vector itself allows for rounding
+    differences between machines.
     """
     vector = encoder.encode([ASKED])
     return {"text": digest([vector.half()]), "text_vector": vector[0].tolist()}

@@ -1,1 +1,1 @@
-"""The networks of Text2HOI, what they read and write, and their shipped weights."""
+"""The networks of Text2HOI, their inputs, outputs and losses, and their shipped weights."""

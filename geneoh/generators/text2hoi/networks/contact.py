@@ -1,7 +1,7 @@
-"""Where hands touch an object, by its points and a sentence: a conditional VAE.
+"""Contact maps of an object from its points and a sentence: a conditional VAE.
 
-Source: Text2HOI, section 3.3 and supplement. Ours: the points' normals, parts and sizes are told
-too, and probabilities are logits until they are asked for.
+Source: Text2HOI, section 3.3 and supplement. Ours: the points' normals, parts and sizes are inputs
+too, and the decoder returns logits.
 """
 
 from dataclasses import dataclass, field
@@ -20,10 +20,10 @@ from geneoh.nn.sizes import NetworkConfig
 class ContactConfig(NetworkConfig):
     """Size of the network; the paper's is `configs/contact_paper.toml`."""
 
-    latent: int = 16  # numbers that tell one way to touch from another (paper: 64)
+    latent: int = 16  # features of the latent (paper: 64)
     hidden: int = 128  # features of the first layer of the decoder (paper: 512)
     text: int = 128  # features of a sentence, those of the text encoder
-    places_alone: bool = False  # whether of points only their normalised places are told (paper)
+    places_alone: bool = False  # whether normalised positions are the points' only features (paper)
     points: PointConfig = field(default_factory=PointConfig)
 
 
@@ -55,13 +55,13 @@ class ContactNetwork(nn.Module):
         )
 
     def given(self, objects: Objects) -> Float[Tensor, "B P C"]:
-        """What is told of each point."""
+        """Input features of each point."""
         return objects.normalised if self.config.places_alone else objects.channels
 
     def encode(
         self, objects: Objects, contact: Float[Tensor, "B P"]
     ) -> tuple[Float[Tensor, "B Z"], Float[Tensor, "B Z"]]:
-        """Mean and logarithm of the variance of the latent of a contact map."""
+        """Mean and log variance of the latent of a contact map."""
         given = torch.cat([self.given(objects), contact[..., None]], dim=-1)
         _, features = self.touched(given)
         mean, log_variance = self.encoder(features.amax(1)).chunk(2, dim=-1)
@@ -74,7 +74,7 @@ class ContactNetwork(nn.Module):
         near, features = self.points(self.given(objects))
         # decimetres, so that the number is of order one
         told = torch.cat([latent, 10 * objects.scale, features.amax(1), text], dim=-1)
-        # one layer over all that is told of a point, without repeating what is the same for all
+        # one linear layer over local and global features, without repeating the global ones
         return self.decoder(self.each(near) + self.whole(told)[:, None])[..., 0]
 
     def sample(
@@ -94,10 +94,10 @@ def contact_loss(
     divergence: float,
     noise: Float[Tensor, "B Z"],
 ) -> Float[Tensor, ""]:
-    """Cross entropy and dice loss of a map that was encoded, and divergence of the latent.
+    """Cross-entropy and dice loss of a reconstructed map, and KL divergence of the latent.
 
-    Ours: means over points and clips, where the paper's code sums the first and the last over the
-    batch; `divergence` weighs the last one, and the dice loss is taken for each clip.
+    Ours: means over points and clips, where the paper's code sums cross-entropy and KL divergence
+    over the batch; a dice loss for each clip. `divergence` is the weight of the KL divergence.
     """
     mean, log_variance = network.encode(objects, contact)
     latent = mean + (0.5 * log_variance).exp() * noise

@@ -2,11 +2,11 @@
 
 Source: Text2HOI, section 3.4 and supplement: a transformer over tokens of the left hand, the right
 hand and the object of each frame, behind a token of the condition. It predicts the clean sample.
-Ours (`form="ours"`): several frames to a token, along their principal axes, with the best linear
-answer beside them; pre-norm blocks with rotary positions, whose answer counts the more the noisier
-the tokens are (Karras et al. 2022); tokens of places on the object beside that of the condition, so
-that attention can place hands by geometry; numbers of unit variance. `form="paper"` is the paper's;
-without its dropout, because all random numbers of a run come from its own generator.
+Ours (`form="ours"`): several frames per token, in coordinates along their principal axes, with the
+Wiener estimate beside them; pre-norm blocks with rotary positions, whose output counts more the
+noisier the tokens are (Karras et al. 2022); tokens of places on the object beside that of the
+condition, so that attention can place hands by geometry; features of unit variance. `form="paper"`
+is the paper's, without its dropout, because a run draws all its random numbers from one generator.
 """
 
 from dataclasses import dataclass, field, replace
@@ -42,31 +42,31 @@ from geneoh.streamed import Streamed
 from geneoh.synthesis.actions.action import LONGEST, Actions
 
 AGENT_ROWS = (1, 1666, 3333)
-"""Rows of the paper's sinusoid table that tell the left hand, the right hand and the object."""
+"""Rows of the paper's sinusoid table that encode the left hand, the right hand and the object."""
 LEAST_DEVIATION = 0.02
-"""Deviations of numbers below this one (m, dm, entries of rotations) count as this large."""
-MOST = 512  # clips of which means, deviations and axes are taken
+"""Lower bound of the features' standard deviations (m, dm, entries of rotations)."""
+MOST = 512  # largest number of clips that means, deviations and axes are fitted to
 
 
 @dataclass(frozen=True)
 class Condition(Bundle):
-    """What B clips are to be, of at most T frames."""
+    """The conditions of B clips of at most T frames."""
 
     text: Float[Tensor, "B W"]  # features of the sentence
     objects: Objects
     contact: Float[Tensor, "B P"]  # probability that a point is touched
     present: Bool[Tensor, "B 2"]  # whether the left, and whether the right hand takes part
     valid: Bool[Tensor, "B T"]  # frames before the end
-    text_given: Bool[Tensor, " B"]  # where the sentence is told at all
-    object_given: Bool[Tensor, " B"]  # where object and contact map are told at all
+    text_given: Bool[Tensor, " B"]  # false where the sentence is dropped
+    object_given: Bool[Tensor, " B"]  # false where object and contact map are dropped
 
     @property
     def shown(self) -> Bool[Tensor, "B T 208"]:
-        """Numbers that mean something: of hands that take part, in frames before the end."""
+        """Mask of defined features: of hands that take part, in frames before the end."""
         return defined_numbers(self.present, self.valid, self.objects.jointed)
 
     def without_text(self) -> "Condition":
-        """The same with the sentence untold."""
+        """The same condition without the sentence, for guidance."""
         return replace(self, text_given=torch.zeros_like(self.text_given))
 
 
@@ -82,26 +82,26 @@ class InteractionConfig(NetworkConfig):
     heads: int = 5
     frames_per_token: int = 10  # frames of an agent in one token (paper: 1)
     text: int = 128  # features of a sentence, those of the text encoder
-    object_points: int = 512  # points of the object that are looked at (paper: 1,024)
+    object_points: int = 512  # points of the object that are read (paper: 1,024)
     object_tokens: int = 16  # places of the object with a token of their own (paper: none)
-    frame: HandFrame = "object"  # axes that hands are written in (paper: the world's)
-    normalised: bool = True  # whether numbers are scaled to unit variance (paper: no)
+    frame: HandFrame = "object"  # coordinate frame of the hands (paper: the world)
+    normalised: bool = True  # whether features are scaled to unit variance (paper: no)
     points: PointConfig = field(default_factory=PointConfig)
 
 
 @dataclass(frozen=True)
 class EncodedAction(Bundle):
-    """A condition as the network holds it, the same at all noise levels."""
+    """An encoded condition, computed once for all noise levels."""
 
     tokens: Float[Tensor, "B K D"]  # of the condition as a whole, then of places on the object
     seen: Bool[Tensor, "B K"]
-    step_seen: Bool[Tensor, "B S 3"]  # tokens of left hand, right hand and object that are there
+    step_seen: Bool[Tensor, "B S 3"]  # which tokens of left hand, right hand and object exist
     shown: Bool[Tensor, "B T 208"]
-    time: Float[Tensor, "B S D"]  # what is added to all tokens of a step
+    time: Float[Tensor, "B S D"]  # added to all tokens of a step
 
 
 class InteractionNetwork(nn.Module):
-    """From noisy numbers of hands and object to the clean ones."""
+    """Predicts clean features of hands and object from noisy ones."""
 
     mean: Tensor
     std: Tensor
@@ -135,16 +135,16 @@ class InteractionNetwork(nn.Module):
 
     @property
     def sigmas(self) -> Float[Tensor, " N"]:
-        """Noise of each level, in units of the deviation of numbers."""
+        """Standard deviation of the noise at each level, in units of the features' own."""
         return cosine_levels(self.mean.device)
 
     @property
     def codecs(self) -> list["PrincipalAxes"]:
-        """The axes of left hand, right hand and object; none in the paper's form."""
+        """The principal axes of left hand, right hand and object; none in the paper's form."""
         return [axes for axes in self.axes if isinstance(axes, PrincipalAxes)]
 
     def normalise(self, numbers: Float[Tensor, "B T 208"]) -> Float[Tensor, "B T 208"]:
-        """Numbers in units of their deviation."""
+        """Features minus their mean, in units of their standard deviation."""
         return (numbers - self.mean) / self.std
 
     def denormalise(self, numbers: Float[Tensor, "B T 208"]) -> Float[Tensor, "B T 208"]:
@@ -152,7 +152,7 @@ class InteractionNetwork(nn.Module):
         return numbers * self.std + self.mean
 
     def encode(self, condition: Condition) -> EncodedAction:
-        """A condition made ready for `denoised`."""
+        """Encode a condition for `denoised`."""
         steps = in_steps(condition.valid, self.config.frames_per_token)
         whole, places = self.object(condition.objects, condition.contact)
         given = condition.object_given[:, None]
@@ -171,10 +171,10 @@ class InteractionNetwork(nn.Module):
     def denoised(
         self, x: Float[Tensor, "B T 208"], level: Float[Tensor, " B"], told: EncodedAction
     ) -> Float[Tensor, "B T 208"]:
-        """The clean numbers, normalised, in `x` = clean + sigma * noise.
+        """Prediction of the clean normalised features in `x` = clean + sigma * noise.
 
-        `level` is the number of the noise level, 0 to 1,000 (see `cosine_sigmas`). What is not
-        shown is zero, and what stands there in `x` has no effect.
+        `level` is the index of the noise level, 0 to 1,000 (see `cosine_sigmas`). Features that are
+        not `shown` have no effect in `x` and are zero in the result.
         """
         sigma = self.sigmas[level.long()]
         steps = in_steps(x * told.shown, self.config.frames_per_token)
@@ -206,8 +206,8 @@ class InteractionNetwork(nn.Module):
     ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, " N"]]:
         """All tokens and their positions: the condition's, then left, right, object step by step.
 
-        `own` are the numbers of each agent in each step. The condition has position 0 and step s
-        position s, counted from 1 (paper: s is a frame).
+        `own` are the features of each agent (left hand, right hand, object) in each step. The
+        condition has position 0 and step s position s, counted from 1 (paper: s is a frame).
         """
         read = [layer(agent) for layer, agent in zip(self.inputs, own, strict=True)]
         tokens = torch.stack(read, dim=2) + told.time[:, :, None]
@@ -225,7 +225,8 @@ class InteractionNetwork(nn.Module):
 
 
 def moments(steps: Bool[Tensor, "B S F"]) -> Float[Tensor, "B S 5"]:
-    """When a step is: since the start and to the end, as shares, in 5 s, and how near they are."""
+    """Time features of each step: time since the start over the length, times since the start and
+    to the end in units of 5 s, and exp(-frames / 10) for both."""
     length = steps.sum((1, 2), dtype=torch.float32)[:, None]
     middle = (torch.arange(steps.shape[1], device=steps.device) + 0.5) * steps.shape[2]
     left = (length - middle).clamp(min=0)
@@ -236,9 +237,9 @@ def moments(steps: Bool[Tensor, "B S F"]) -> Float[Tensor, "B S 5"]:
 
 @torch.no_grad()
 def set_statistics(network: InteractionNetwork, actions: Streamed[Actions]) -> None:
-    """Set what a network that normalises knows of its numbers, from clips and mirror images.
+    """Fit the means and standard deviations of features to clips and their mirror images.
 
-    That is their means and deviations and, in our form, the axes along which they vary most.
+    In our form the principal axes are fitted as well.
     """
     some = actions.take(slice(None, None, -(-len(actions) // MOST)))
     both = [tokens_of(each, network.config.frame) for each in (some, some.mirrored())]
@@ -258,7 +259,7 @@ def set_statistics(network: InteractionNetwork, actions: Streamed[Actions]) -> N
 
 @torch.no_grad()
 def set_axes(network: InteractionNetwork, clips: list[Tokens]) -> None:
-    """Set the axes along which whole tokens vary most, and their covariance over tokens."""
+    """Fit the principal axes of whole tokens, and the autocovariance over tokens along each."""
     frames = network.config.frames_per_token
     steps = [in_steps(network.normalise(t.flat) * t.defined, frames) for t in clips]
     whole = [in_steps(t.shown.transpose(1, 2), frames).all(2) for t in clips]

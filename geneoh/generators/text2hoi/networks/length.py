@@ -1,4 +1,4 @@
-"""How many frames an interaction takes, by its sentence: a conditional VAE.
+"""The number of frames of an interaction from its sentence: a conditional VAE.
 
 Source: Text2HOI, supplement (length prediction). Ours: never fewer than 2 frames, and sizes that
 fit a text encoder of 128 features.
@@ -21,13 +21,13 @@ SHORTEST = 2  # frames: one frame is no motion, and none would leave networks no
 class LengthConfig(NetworkConfig):
     """Size of the network; the paper's is `configs/length_paper.toml`."""
 
-    latent: int = 16  # numbers that tell quick from slow (paper: 64)
-    hidden: int = 128  # features between (paper: 512)
+    latent: int = 16  # features of the latent (paper: 64)
+    hidden: int = 128  # features of the hidden layers (paper: 512)
     text: int = 128  # features of a sentence, those of the text encoder
 
 
 class LengthNetwork(nn.Module):
-    """Encoder of a length to a latent, and decoder of a latent to a length, both told the text."""
+    """Encoder of a length to a latent, and decoder of a latent to a length, given the text."""
 
     def __init__(self, config: LengthConfig) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class LengthNetwork(nn.Module):
     def encode(
         self, share: Float[Tensor, " B"], text: Float[Tensor, "B W"]
     ) -> tuple[Float[Tensor, "B Z"], Float[Tensor, "B Z"]]:
-        """Mean and logarithm of the variance of the latent; `share` is of `LONGEST`, 0 to 1."""
+        """Mean and log variance of the latent; `share` is the length over `LONGEST`, 0 to 1."""
         told = torch.cat([share[:, None], text], dim=-1)
         mean, log_variance = self.encoder(told).chunk(2, dim=-1)
         return mean, log_variance.clamp(-10, 10)
@@ -75,10 +75,10 @@ def length_loss(
     divergence: float,
     noise: Float[Tensor, "B Z"],
 ) -> Float[Tensor, ""]:
-    """Squared error of the length as a share of `LONGEST`, and divergence of the latent.
+    """Squared error of the length as a share of `LONGEST`, and KL divergence of the latent.
 
-    Ours: means over the batch, and a weight of the divergence with which lengths still differ from
-    sample to sample (paper: sums, with weight 1).
+    Ours: means over the batch, and a weight of the KL divergence at which sampled lengths still
+    vary (paper: sums, with weight 1).
     """
     share = length / LONGEST
     mean, log_variance = network.encode(share, text)

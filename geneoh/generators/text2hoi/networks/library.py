@@ -21,18 +21,17 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
 
 Told = TypeVar("Told", ContactNetwork, InteractionNetwork, LengthNetwork)
-"""A network that is told a sentence."""
+"""A network that is conditioned on a sentence."""
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
 ALIKE = 0.1
-"""Two vectors of a sentence are of one encoder whose distance is at most this share of their
-length: machines and precisions round by a hundredth at most, and trainings have nothing in common.
-"""
+"""Largest relative distance of a sentence's vectors that count as made by one encoder: rounding
+differs by at most a hundredth between machines, and separately trained encoders are unrelated."""
 
 
 @dataclass(frozen=True)
 class Text2HoiNetworks:
-    """All that makes an interaction of a sentence and an object."""
+    """All networks that make an interaction from a sentence and an object."""
 
     text: TextEncoder
     contact: ContactNetwork
@@ -46,7 +45,7 @@ def load_text2hoi(
     text_encoder: Path | None = None,
     device: torch.device | str = "cpu",
 ) -> Text2HoiNetworks:
-    """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
+    """The networks of a folder of STAGE.safetensors; shipped ones for missing files, or for None.
 
     `text_encoder` is the folder of another text encoder, with which the networks were trained.
 
@@ -82,7 +81,7 @@ def told_network(
 def refuse_other_encoder(
     path: Path, record: Mapping[str, Any], width: int, text: TextEncoder
 ) -> None:
-    """Refuse weights for vectors of a width that tell of another text encoder."""
+    """Raise `ConfigError` for weights that were trained with another text encoder."""
     if width != text.width:
         raise ConfigError(
             f"{path}: expected a text encoder of {width} features, got one of {text.width}; name "
@@ -102,7 +101,7 @@ def vector_of_training(
 ) -> Float[Tensor, " W"] | None:
     """The vector of `ASKED` by the encoder that weights were trained with; None where unknown.
 
-    Older weights tell a fingerprint of it alone. It is known where the shipped ones have the same.
+    Older weights store only its fingerprint; it is known if that of the shipped weights is equal.
     """
     if "text_vector" not in record:
         shipped = record if path.parent == SHIPPED else load_checkpoint(SHIPPED / path.name).record
@@ -123,7 +122,7 @@ def load_refiner(folder: Path | None) -> RefinerNetwork:
 
 
 def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
-    """The text encoder that is named, else that of a folder, else the shipped one."""
+    """The text encoder in `text_encoder`, else that of the folder, else the shipped one."""
     if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
         text_encoder = folder
     return load_text_encoder(text_encoder)

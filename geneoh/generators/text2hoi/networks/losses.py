@@ -1,6 +1,6 @@
-"""Losses by which the network of hands and object learns.
+"""Training losses of the interaction network.
 
-Source: Text2HOI, section 3.4: squared error of the numbers, of distances to the object where it is
+Source: Text2HOI, section 3.4: squared error of the features, of distances to the object where it is
 touched, and of the hands' orientations relative to the object. Ours: errors of keypoints and of
 their velocities in metres.
 """
@@ -31,19 +31,19 @@ class LossWeights(Limited):
     orientation: float = 1.0
     keypoints: float = 0.5
     velocity: float = 0.5
-    frames: int = 30  # frames in a row, at a random place, that all but the simple loss see
+    frames: int = 30  # length of the random stretch that all losses but the simple one see
     sharp: bool = True
-    """Whether they count less the less of the sample is left in its noise, by the share of the
-    signal's variance: what can only be guessed has no sharp geometry (paper: no)."""
+    """Whether these losses count less for noisier samples, by the signal's share of the variance:
+    predictions under much noise are means, which have no sharp geometry (paper: no)."""
     points: int = 64  # points of an object that are compared, the touched ones first (paper: all)
 
 
 def masked_mean(
     values: Float[Tensor, "*S"], mask: Bool[Tensor, "*#S"], share: Float[Tensor, " B"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean where the mask is true, over what it broadcasts to; zero where it is true nowhere.
+    """Mean of the values where the broadcast mask is true; zero if it is true nowhere.
 
-    `share` is how much the values of each item of a batch count.
+    `share` is a weight of each item of the batch.
     """
     mask = mask.expand_as(values)
     if share is not None:
@@ -54,7 +54,8 @@ def masked_mean(
 def simple_loss(
     found: Float[Tensor, "B T 208"], clean: Float[Tensor, "B T 208"], told: Bool[Tensor, "B T 208"]
 ) -> Float[Tensor, ""]:
-    """Squared error of normalised numbers, a mean for each agent; the three means are added."""
+    """Squared error of normalised features: one mean each for left hand, right hand and object,
+    added."""
     square = (found - clean).square()
     ends = (slice(0, HAND), slice(HAND, 2 * HAND), slice(2 * HAND, None))
     return torch.stack([masked_mean(square[..., e], told[..., e]) for e in ends]).sum()
@@ -71,7 +72,7 @@ def geometric_loss(
 ) -> Float[Tensor, ""]:
     """All losses but the simple one, weighted and added; `actions` are the clean ones.
 
-    `share` is how much each clip counts.
+    `share` is the weight of each clip.
     """
     start = draws.whole.integers(0, max(1, clean.valid.shape[1] - weights.frames + 1))[0]
     some = slice(int(start), int(start) + weights.frames)
@@ -102,9 +103,9 @@ def velocity_loss(
     true: Float[Tensor, "B 2 T 21 3"],
     share: Float[Tensor, " B"] | None = None,
 ) -> Float[Tensor, ""]:
-    """Squared error of the velocities of keypoints on the object, and of the object in the world.
+    """Squared error of velocities: of keypoints in the object frame, of the object in the world.
 
-    The object's are those of its origin and of places on its axes.
+    The object's are those of its origin and of points on its axes.
     """
     shown, valid = clean.shown[:, :2], clean.valid
     hands = (joints - true).diff(dim=2).square().sum(-1) / STEP**2
@@ -115,7 +116,7 @@ def velocity_loss(
 
 
 def object_places(tokens: Tokens) -> Float[Tensor, "B T 4 3"]:
-    """The object's origin, and the place at `ARM` on each of its axes, in the world."""
+    """The object's origin, and the points at `ARM` on each of its axes, in the world."""
     origin = tokens.object[..., None, :3]
     return torch.cat([origin, origin + ARM * tokens.object_rotation.mT], dim=2)
 
@@ -130,9 +131,9 @@ def distance_loss(
     draws: Draws,
     share: Float[Tensor, " B"] | None = None,
 ) -> Float[Tensor, ""]:
-    """Squared error of distances from points of the object to keypoints, on the object.
+    """Squared error of the distances between object points and keypoints.
 
-    Pairs within `NEAR` of each other in truth count (paper), of some points.
+    Only pairs that are truly within `NEAR` of each other count (paper), of random points.
     """
     pick = drawn_points(contact, weights.points, draws)
     pick = pick[:, None, :, None].expand(-1, joints.shape[2], -1, 3)
@@ -144,6 +145,6 @@ def distance_loss(
 
 
 def drawn_points(contact: Float[Tensor, "B P"], count: int, draws: Draws) -> Int[Tensor, "B C"]:
-    """Numbers of random points of each object, the touched ones first."""
+    """Indices of random points of each object, the touched ones first."""
     order = draws.share(contact.shape[1]).to(contact) + contact
     return order.topk(min(count, contact.shape[1]), dim=1).indices

@@ -1,4 +1,4 @@
-"""Objects as the networks of Text2HOI see them: points of the surface and how their parts move."""
+"""Objects as the networks of Text2HOI see them: surface points, parts and the joint."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -11,8 +11,8 @@ from geneoh.generators.text2hoi.networks.tokens import tokens_of
 from geneoh.synthesis.actions.action import NEAR, Actions
 
 CHANNELS = 10
-"""Numbers of `Objects.channels` for each point."""
-EVERY = 6  # of so many frames one is asked which points a hand is near to
+"""Number of features of each point in `Objects.channels`."""
+EVERY = 6  # step between the frames in which contact is measured
 
 
 @dataclass(frozen=True)
@@ -54,16 +54,16 @@ class Objects(Bundle):
 
     @property
     def channels(self) -> Float[Tensor, "B P 10"]:
-        """What is told of each point: its normalised place, normal, part, and place in decimetres.
+        """Features of each point: normalised position, normal, part, and position in decimetres.
 
-        The paper tells the normalised place alone.
+        The paper has the normalised position alone.
         """
         part = self.part[..., None].to(self.points)
         return torch.cat([self.normalised, self.normals, part, 10 * self.points], dim=-1)
 
     @property
     def motion(self) -> Float[Tensor, "B 8"]:
-        """How the second part moves: whether there is one, whether it slides, axis, pivot (dm)."""
+        """Features of the joint: whether there is one, whether it slides, axis, pivot (dm)."""
         flags = torch.stack([self.jointed, self.slides], dim=-1).to(self.points)
         return torch.cat([flags, self.axis, 10 * self.pivot * flags[:, :1]], dim=-1)
 
@@ -72,9 +72,9 @@ class Objects(Bundle):
 def contact_maps(actions: Actions) -> Bool[Tensor, "B P"]:
     """Points within `NEAR` of a keypoint of any hand that takes part, in any frame (paper 3.3).
 
-    One frame of `EVERY` is looked at.
+    Only every `EVERY`-th frame is used.
     """
-    # one after the other, so that all distances of a clip stay in the processor's cache
+    # clip by clip, so that all distances of a clip stay in the processor's cache
     return torch.cat([_near(actions.take(slice(i, i + 1), "B")) for i in range(len(actions.verb))])
 
 

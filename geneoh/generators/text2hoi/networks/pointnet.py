@@ -1,8 +1,8 @@
-"""PointNet: features of the points of a surface and of the whole, and objects as tokens of them.
+"""PointNet: features of surface points and of the whole object, and tokens made from them.
 
-Source: Qi et al. 2017; Text2HOI, supplement, table of the contact network. Ours: features are
-normalised for each point, where the paper normalises over the batch, so that a clip does not
-depend on the others of its batch, which several processes may divide.
+Source: Qi et al. 2017; Text2HOI, supplement, table of the contact network. Ours: layer norm at each
+point, where the paper has batch norm, so that a clip does not depend on the rest of its batch,
+which several processes may divide.
 """
 
 from dataclasses import dataclass
@@ -19,24 +19,24 @@ from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.region import farthest_points
 
 SUMMARY = 19
-"""Numbers of `_summary`."""
+"""Number of features of `_summary`."""
 
 
 @dataclass(frozen=True)
 class PointConfig(NetworkConfig):
-    """Size of a PointNet (defaults: ours; the paper has 64, 128, 1024 and turns its points)."""
+    """Size of a PointNet (defaults: ours; the paper has 64, 128, 1024 and a T-Net)."""
 
     near: int = 48  # features of each point after the first layer
     middle: int = 96
     whole: int = 192  # features of the surface
-    turned: bool = False  # whether points are first mapped by a matrix that is made from them
+    turned: bool = False  # whether a matrix predicted from the points transforms them first (T-Net)
 
 
 class PointNet(nn.Module):
-    """Layers on each point, and the largest value of each feature over all points."""
+    """Layers on each point with shared weights; callers pool over the points."""
 
     def __init__(self, channels: int, config: PointConfig) -> None:
-        """Build a network that reads so many numbers of each point."""
+        """Build a network for points with `channels` features."""
         super().__init__()
         self.turn = PointTurn(channels, config) if config.turned else None
         self.first = layer(channels, config.near)
@@ -56,10 +56,10 @@ class PointNet(nn.Module):
 
 
 class PointTurn(nn.Module):
-    """A matrix for all points of a surface, the identity before training."""
+    """A predicted matrix that transforms all points of a surface; the identity before training."""
 
     def __init__(self, channels: int, config: PointConfig) -> None:
-        """Build a network that reads so many numbers of each point."""
+        """Build a network for points with `channels` features."""
         super().__init__()
         self.channels = channels
         widths = (channels, config.near, config.middle, config.whole)
@@ -72,7 +72,7 @@ class PointTurn(nn.Module):
         )
 
     def forward(self, points: Float[Tensor, "B P C"]) -> Float[Tensor, "B P C"]:
-        """The points in the axes that are chosen for them."""
+        """The transformed points."""
         change = self.whole(self.points(points).amax(1)).unflatten(-1, (self.channels, -1))
         return points + points @ change
 
@@ -83,7 +83,7 @@ def layer(before: int, after: int) -> nn.Sequential:
 
 
 def pooled(features: Float[Tensor, "B P W"], group: Tensor, count: int) -> Float[Tensor, "B K W"]:
-    """The largest value of each feature over the points of each of `count` groups."""
+    """The largest value of each feature over the points of each of `count` groups; 0 if empty."""
     index = group[..., None].expand_as(features)
     start = features.new_full((len(features), count, features.shape[-1]), -torch.inf)
     found = start.scatter_reduce(1, index, features, "amax")
@@ -91,7 +91,7 @@ def pooled(features: Float[Tensor, "B P W"], group: Tensor, count: int) -> Float
 
 
 class ObjectTokens(nn.Module):
-    """Features of the whole object, and of places on it with their neighbourhood (ours)."""
+    """A token of the whole object, and tokens of places on it with their neighbourhoods (ours)."""
 
     def __init__(self, points: PointConfig, width: int, count: int, places: int) -> None:
         """Build the networks, for `count` points and tokens of `width` features."""
@@ -104,7 +104,7 @@ class ObjectTokens(nn.Module):
     def forward(
         self, objects: Objects, contact: Float[Tensor, "B P"]
     ) -> tuple[Float[Tensor, "B D"], Float[Tensor, "B K D"]]:
-        """Features of the whole, and of so many places."""
+        """Tokens of the whole object, and of at most `places` farthest points of it."""
         some = spread(contact.shape[1], min(self.count, contact.shape[1])).to(contact.device)
         objects, contact = objects.take(some, "P"), contact[:, some]
         given = torch.cat([objects.channels, contact[..., None]], dim=-1)
@@ -135,7 +135,7 @@ class WholeObject(nn.Module):
     def forward(
         self, objects: Objects, contact: Float[Tensor, "B P"]
     ) -> tuple[Float[Tensor, "B D"], Float[Tensor, "B 0 D"]]:
-        """Features of the whole, and no places."""
+        """Tokens of the whole object, and none of places."""
         some = spread(contact.shape[1], self.count).to(contact.device)
         _, features = self.points(objects.normalised[:, some])
         told = [features.amax(1), contact[:, some], objects.scale, objects.centroid]
@@ -144,7 +144,7 @@ class WholeObject(nn.Module):
 
 
 def _summary(objects: Objects, contact: Float[Tensor, "B P"]) -> Float[Tensor, "B 19"]:
-    """Size and centroid, how parts move, and where and how much the object is touched (dm)."""
+    """Size, centroid, joint, and mean position, normal and share of contact; lengths in dm."""
     share = contact / contact.sum(1, keepdim=True).clamp(min=1e-3)
     place = (share[..., None] * objects.points).sum(1)
     normal = (share[..., None] * objects.normals).sum(1)

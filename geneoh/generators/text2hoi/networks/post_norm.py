@@ -14,7 +14,7 @@ class PostNormTransformer(nn.Module):
     """
 
     def __init__(self, width: int, depth: int, heads: int, *, levels: bool = True) -> None:
-        """Build `depth` layers of `width` features; without `levels` no noise level is told."""
+        """Build `depth` layers of `width` features; without `levels` no noise level is embedded."""
         check_heads(width, heads, unit=1)
         super().__init__()
         steps = (nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
@@ -33,7 +33,7 @@ class PostNormTransformer(nn.Module):
         position: Float[Tensor, " N"],
         seen: Bool[Tensor, "B N"],
     ) -> Float[Tensor, "B N D"]:
-        """Tokens after all layers; attention is to those that are seen."""
+        """Tokens after all layers; `seen` masks the tokens that are attended to."""
         width = tokens.shape[-1]
         if self.level is not None and level is not None:
             first = tokens[:, :1] + self.level(sinusoid(level, width))[:, None]

@@ -1,4 +1,4 @@
-"""The best linear answer to noisy tokens, which the interaction network begins with (ours)."""
+"""The Wiener estimate of clean tokens, from which the interaction network starts (ours)."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -7,37 +7,37 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-LEAST_VARIANCE = 1e-3  # of an axis or a wave, in units of the numbers' own variance
+LEAST_VARIANCE = 1e-3  # lower bound along an axis or a wave; features have variance 1
 
 
 @dataclass(frozen=True)
 class Waves:
-    """Cosine waves over the tokens of each clip of a batch."""
+    """Cosine basis (DCT-II) over the tokens of each clip of a batch."""
 
     basis: Float[Tensor, "B K S"]  # orthonormal over the clip's tokens, zero behind them
-    shares: Float[Tensor, "B K L"]  # by which covariances by lag give the variance of each wave
+    shares: Float[Tensor, "B K L"]  # weight of the autocovariance at each lag in a wave's variance
 
     @staticmethod
     def of(valid: Bool[Tensor, "B S"], lags: int) -> "Waves":
-        """Those over the tokens of each clip that are before its end, at most as many as lags."""
+        """The basis over the tokens before the end of each clip, of which at most `lags` exist."""
         basis, shares = cosine_waves(lags, valid.device)
         count, steps = valid.sum(1), valid.shape[1]
         return Waves(basis[count, :steps, :steps], shares[count, :steps])
 
 
 class PrincipalAxes(nn.Module):
-    """Fixed axes along which the numbers of a token vary most, and how they vary over tokens.
+    """Principal axes of a token's features, and the autocovariance over tokens along each axis.
 
-    Along each axis and wave the network is preconditioned as by Karras et al. 2022: it begins with
-    the best linear answer (Wiener 1949, tokens of a clip as a stationary sequence), and is asked
-    for unit variance. See `interaction.set_axes`.
+    Along each axis and wave the network is preconditioned as by Karras et al. 2022: its output, of
+    unit variance, is scaled and added to the best linear estimate (Wiener 1949, with the tokens of
+    a clip as a stationary sequence). `interaction.set_axes` fits axes and covariance.
     """
 
     axes: Tensor
     covariance: Tensor
 
     def __init__(self, numbers: int, count: int, lags: int) -> None:
-        """Space for `count` axes; those that there are no numbers for stay zero."""
+        """Space for `count` axes; axes beyond the number of features stay zero."""
         super().__init__()
         self.register_buffer("axes", torch.zeros(count, numbers))
         self.register_buffer("covariance", torch.zeros(lags, count))
@@ -45,7 +45,8 @@ class PrincipalAxes(nn.Module):
     def read(
         self, noisy: Float[Tensor, "B S N"], sigma: Float[Tensor, " B"], waves: Waves
     ) -> tuple[Float[Tensor, "B S C"], Float[Tensor, "B S C"]]:
-        """Places along the axes with their noise, and the best linear answer; unit variance."""
+        """Noisy coordinates along the axes, scaled to unit variance, and their Wiener estimate, in
+        units of the clean standard deviation."""
         noise, variance = sigma[:, None, None].square(), self.covariance[0].clamp(LEAST_VARIANCE)
         places = noisy @ self.axes.T
         own = self._spectrum(waves)
@@ -59,7 +60,7 @@ class PrincipalAxes(nn.Module):
         sigma: Float[Tensor, " B"],
         waves: Waves,
     ) -> Float[Tensor, "B S N"]:
-        """Clean numbers by what `read` gave and by the network's answer of unit variance."""
+        """Clean features from the estimate of `read` and the network's output of unit variance."""
         noise, own = sigma[:, None, None], self._spectrum(waves)
         left = noise * (own / (own + noise.square())).sqrt()
         more = waves.basis.mT @ (left * (waves.basis @ answer))
@@ -73,9 +74,9 @@ class PrincipalAxes(nn.Module):
 def cosine_waves(
     most: int, device: torch.device
 ) -> tuple[Float[Tensor, "N most most"], Float[Tensor, "N most most"]]:
-    """For 0 to `most` tokens: orthonormal cosine waves, and how covariances by lag make variances.
+    """For 0 to `most` tokens: orthonormal cosine waves, and the shares of lags in their variances.
 
-    The variance of a wave is the sum of its `shares` times the covariances at lags 0, 1, ...
+    The variance of a wave is the sum of its shares times the autocovariances at lags 0, 1, ...
     """
     place = torch.arange(most, dtype=torch.float64, device=device)
     count = torch.arange(most + 1, dtype=torch.float64, device=device)[:, None, None]
@@ -83,12 +84,12 @@ def cosine_waves(
     waves = torch.where((place < count) & (place[:, None] < count), waves, 0.0)
     basis = waves / waves.norm(dim=-1, keepdim=True).clamp(min=1e-9)
     power = torch.fft.rfft(basis, 2 * most).abs().square()
-    shares = torch.fft.irfft(power, 2 * most)[..., :most]  # the correlation of a wave with itself
+    shares = torch.fft.irfft(power, 2 * most)[..., :most]  # autocorrelation of a wave
     shares[..., 1:] *= 2
     return basis.float(), shares.float()
 
 
 def axes_of_most_variance(values: Float[Tensor, "N D"]) -> Float[Tensor, "D D"]:
-    """Unit axes along which values vary around zero, as rows, by falling variance."""
+    """Principal axes of values around zero, not their mean, as unit rows by falling variance."""
     _, axes = torch.linalg.eigh(values.double().T @ values.double())
     return axes.T.flip(0).to(values)

@@ -1,9 +1,9 @@
-"""The network that refines generated hands in one pass, as a change of what they were; its losses.
+"""The network that refines generated hands in one pass, by a residual, and its losses.
 
 Source: Text2HOI, section 3.5 and supplement. Only hands change; the object stays. Ours: several
-frames to a token, hands on the object, and offsets to the nearest points of the object beside the
-paper's numbers, which hardly tell a centimetre from none. The losses ask for hands near the true
-ones, not in the object, that touch where they nearly do, in squared distances as the paper does.
+frames per token, hands in the object frame, and offsets to the closest object points beside the
+paper's features, which hardly distinguish a gap of a centimetre from contact. The losses are, as in
+the paper, squared distances: from the true hands, into the object, and of gaps at near contacts.
 """
 
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions.action import NEAR, Actions
 
 AGENT_ROWS = (0, 1666)
-"""Rows of the paper's sinusoid table that tell the left and the right hand."""
-JOINTS = 63  # numbers of the keypoints of a hand
-REACH = 0.05  # offsets to the object beyond it are cut, metres
-SMOOTHING = 2.0  # deviation of the Gaussian over the change of hands, in frames
+"""Rows of the paper's sinusoid table that encode the left and the right hand."""
+JOINTS = 63  # coordinates of the keypoints of a hand
+REACH = 0.05  # entries of offsets to the object are clamped to it, metres
+SMOOTHING = 2.0  # standard deviation of the Gaussian over the hands' residual, frames
 WRIST, TURN = 0.02, 0.1
-"""Changes of the wrist (metres) and of entries of rotations that an answer of 1 is in our form."""
+"""Residuals of the wrist (metres) and of rotation entries for an output of 1 in our form."""
 CENTIMETRE = 0.01
-"""Depths and gaps are in this unit, metres, so that they are of order one."""
+"""Unit of penetration depths and gaps in the losses, metres, so that they are of order one."""
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,17 @@ class RefinerConfig(NetworkConfig):
     depth: int = 4  # transformer blocks
     heads: int = 4
     frames_per_token: int = 5  # frames of a hand in one token (paper: 1)
-    points: int = 128  # points of the object that are looked at (paper: 1,024)
-    frame: HandFrame = "object"  # axes that hands are written in (paper: the world's)
+    points: int = 128  # points of the object that are read (paper: 1,024)
+    frame: HandFrame = "object"  # coordinate frame of the hands (paper: the world)
 
 
 class RefinerNetwork(nn.Module):
-    """From hands as they were generated to refined ones."""
+    """From generated hands to refined ones."""
 
     def __init__(self, config: RefinerConfig) -> None:
-        """Build the network, which changes nothing before it has learned.
+        """Build the network, which is the identity before training.
 
-        Only its last layer begins at zero: zeros in both layers of a block would never be learned.
+        Only its last layer starts at zero: two zero layers in a row would get no gradient.
         """
         super().__init__()
         self.config = config
@@ -76,8 +76,8 @@ class RefinerNetwork(nn.Module):
     ) -> Tokens:
         """The same clips with refined hands.
 
-        `points` are of the object, in the frame that hands are written in, metres, and `contact` is
-        the probability that each of them is touched.
+        `points` are object points in the hands' coordinate frame, metres, and `contact` is the
+        probability that each of them is touched.
         """
         frames = self.config.frames_per_token
         told = self.inputs(tokens, points, contact).transpose(1, 2)
@@ -101,7 +101,7 @@ class RefinerNetwork(nn.Module):
     def inputs(
         self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
     ) -> Float[Tensor, "B 2 T N"]:
-        """What is told of each hand and frame (paper, equation 11)."""
+        """Input features of each hand and frame (paper, equation 11)."""
         joints = tokens.joints()
         offset = nearest(joints, points) - joints
         near = torch.exp(-50 * offset.square())
@@ -116,7 +116,7 @@ class RefinerNetwork(nn.Module):
 def nearest(
     joints: Float[Tensor, "B 2 T J 3"], points: Float[Tensor, "B T P 3"]
 ) -> Float[Tensor, "B 2 T J 3"]:
-    """The point of the object that is nearest to each keypoint."""
+    """The object point that is closest to each keypoint."""
     places = joints.transpose(1, 2).flatten(2, 3)
     index = torch.cdist(places, points).argmin(-1)
     found = points.gather(2, index[..., None].expand(-1, -1, -1, 3))
@@ -126,9 +126,9 @@ def nearest(
 def points_of(
     actions: Actions, tokens: Tokens, contact: Float[Tensor, "B P"], count: int
 ) -> tuple[Float[Tensor, "B T C 3"], Float[Tensor, "B C"], Float[Tensor, "B T C 3"]]:
-    """Points of the object in the frame that hands are written in, contact there, and normals.
+    """Object points in the hands' coordinate frame, their contact probabilities, and normals.
 
-    `count` of them are taken at equal steps; the object is where the numbers say that it is.
+    `count` points are taken at equal index steps; object poses in the world are those of `tokens`.
     """
     every = spread(actions.points.shape[1], count).to(contact.device)
     some = actions.take(every, "P")
@@ -141,9 +141,9 @@ def points_of(
 
 @torch.no_grad()
 def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor, "B P"]) -> Actions:
-    """The same clips with the hands that the refiner makes of theirs.
+    """The same clips with refined hands.
 
-    In our form the change is smoothed, because each token tells its own frames alone.
+    In our form the residual is smoothed over time, because each token is decoded separately.
     """
     tokens = tokens_of(actions, network.config.frame)
     points, touched, _ = points_of(actions, tokens, contact, network.config.points)
@@ -157,13 +157,13 @@ def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor,
 
 @dataclass(frozen=True)
 class RefinerWeights(Limited):
-    """Weights of the losses; those of the paper are 1, 1, 5, in squared metres, and 0."""
+    """Weights of the losses; the paper's are 1, 1 and 5 (in squared metres), and 0."""
 
     simple: float = 1.0
     penetration: float = 1.0
     contact: float = 5.0
     keypoints: float = 1.0  # squared error of keypoints in units of a decimetre (ours)
-    frames: int = 4  # frames of a clip whose contact and penetration are looked at (paper: all)
+    frames: int = 4  # frames of a clip in which contact and penetration count (paper: all)
 
 
 def refiner_loss(
@@ -195,9 +195,9 @@ def contact_distance_loss(
     points: Float[Tensor, "B T P 3"],
     shown: Bool[Tensor, "B 2 T"],
 ) -> Float[Tensor, ""]:
-    """Squared distance of keypoints to the point that is nearest to where they were, in cm2.
+    """Squared distance of keypoints to the object points closest to the coarse ones, in cm2.
 
-    Keypoints count that were within `NEAR` of the object.
+    Only keypoints count that were within `NEAR` of the object before.
     """
     goal = nearest(coarse, points)
     touches = ((goal - coarse).norm(dim=-1) < NEAR) & shown[..., None]
@@ -207,9 +207,10 @@ def contact_distance_loss(
 def penetration_loss(
     tokens: Tokens, points: Float[Tensor, "B T P 3"], normals: Float[Tensor, "B T P 3"]
 ) -> Float[Tensor, ""]:
-    """Squared depth of the hands' vertices below the plane of the nearest point, in cm2.
+    """Squared penetration depth of hand vertices below the closest point's tangent plane, in cm2.
 
-    A mean over the vertices that are inside. Deeper than `NEAR` a vertex is on another side.
+    A mean over the vertices that are inside. Vertices farther than `NEAR` from the point do not
+    count: they are on another side of the object.
     """
     total, count = points.new_zeros(()), points.new_zeros(())
     for number, side in enumerate(SIDES):

@@ -1,4 +1,4 @@
-"""Sentences to vectors by the encoder of Text2HOI, or by one that the user has."""
+"""Sentences to vectors by the encoder of Text2HOI, or by an external one of the user's."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -16,14 +16,14 @@ from geneoh.nn.weights import network_of
 
 SHIPPED = Path(__file__).parent / "weights" / "text.safetensors"
 ASKED = "Lift a mug with the right hand."
-"""The sentence by whose vector an encoder is known again."""
+"""The sentence whose vector identifies a text encoder."""
 
 
 class TextModel:
     """Our own encoder with its vocabulary and the classes of its heads."""
 
     def __init__(self, path: Path = SHIPPED) -> None:
-        """Read a file of weights; `CheckpointError` where it is missing or holds another thing."""
+        """Read a file of weights; `CheckpointError` if it is missing or of another network."""
         saved = load_checkpoint(path)
         self.network = network_of(saved, path, TextNetwork, TextConfig)
         self.tokenizer = vocabulary_of(saved.record, path)
@@ -43,11 +43,11 @@ class TextModel:
         return self.network(sentence_numbers(self.tokenizer, sentences, longest))
 
     def read(self, sentence: str) -> Reading:
-        """What the heads make of a sentence."""
+        """Logits of the heads for a sentence."""
         return self.network.read(self.vectors([sentence]))
 
     def encoder(self) -> TextEncoder:
-        """The model as it conditions the other networks."""
+        """The text encoder that conditions the other networks."""
         return TextEncoder(self.network.config.width, self.vectors)
 
 

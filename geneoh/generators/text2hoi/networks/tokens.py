@@ -1,6 +1,6 @@
-"""Actions as the numbers that the networks of Text2HOI read and write, and back.
+"""Actions as the features that the networks of Text2HOI read and write, and back.
 
-Source: Text2HOI, section 3.2. Rotations are the first two columns of the matrix, row by row.
+Source: Text2HOI, section 3.2. Rotations are 6D: two columns of the matrix, flattened row by row.
 """
 
 from dataclasses import dataclass, replace
@@ -21,13 +21,13 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions.action import Actions
 
 HAND, OBJECT = 99, 10
-"""Numbers of a hand and of the object in a frame."""
+"""Number of features of a hand and of the object in a frame."""
 NUMBERS = 2 * HAND + OBJECT
-"""Numbers of a frame: left hand, right hand, object."""
+"""Number of features of a frame: left hand, right hand, object."""
 
 HandFrame = Literal["object", "world"]
-"""Axes that hands are written in: those of the object's first part in the same frame (ours), in
-which a hand that holds it stands still, or those of the world (paper)."""
+"""Coordinate frame of the hands: that of the object's first part at the same time (ours), in which
+a hand that holds it stands still, or the world (paper)."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +46,18 @@ class Tokens(Bundle):
 
     @property
     def shown(self) -> Bool[Tensor, "B 3 T"]:
-        """Where the left hand, the right hand and the object have numbers."""
+        """Mask of the frames in which left hand, right hand and object have features."""
         agents = torch.cat([self.present, self.present.new_ones(len(self.present), 1)], dim=1)
         return agents[:, :, None] & self.valid[:, None]
 
     @property
     def flat(self) -> Float[Tensor, "B T 208"]:
-        """All numbers of each frame: left hand, right hand, object."""
+        """All features of each frame: left hand, right hand, object."""
         return torch.cat([*self.hands.unbind(1), self.object], dim=-1)
 
     @property
     def defined(self) -> Bool[Tensor, "B T 208"]:
-        """Which of them mean something."""
+        """Mask of the features in `flat` that are defined."""
         return defined_numbers(self.present, self.valid, self.jointed)
 
     @staticmethod
@@ -68,13 +68,13 @@ class Tokens(Bundle):
         jointed: Bool[Tensor, " B"],
         frame: HandFrame,
     ) -> "Tokens":
-        """Clips from all numbers of each frame; the inverse of `flat`."""
+        """Clips from all features of each frame; the inverse of `flat`."""
         left, right, thing = flat.split([HAND, HAND, OBJECT], dim=-1)
         hands = torch.stack([left, right], dim=1)
         return Tokens(hands, thing, valid, present, jointed, frame).masked()
 
     def with_flat(self, flat: Float[Tensor, "B T 208"]) -> "Tokens":
-        """The same with other numbers."""
+        """The same with other features."""
         return Tokens.of_flat(flat, self.valid, self.present, self.jointed, self.frame)
 
     def with_hands(self, hands: Float[Tensor, "B 2 T 99"]) -> "Tokens":
@@ -88,7 +88,7 @@ class Tokens(Bundle):
 
     @property
     def rotations(self) -> Float[Tensor, "B 2 T 16 3 3"]:
-        """Rotations of the hands' joints; those of hands that are not shown are of no use."""
+        """Rotations of the hands' joints; they are meaningless for hands that are not shown."""
         return from_columns(self.hands[..., 3:].unflatten(-1, (16, 6)))
 
     @property
@@ -97,7 +97,7 @@ class Tokens(Bundle):
         return from_columns(self.object[..., 3:9])
 
     def joints(self) -> Float[Tensor, "B 2 T 21 3"]:
-        """Keypoints of mean hands, in the frame that hands are written in, metres."""
+        """Keypoints of hands of the mean shape, in the hands' coordinate frame, metres."""
         found = forward_kinematics(self.rotations, self.hands[..., :3], _mean_offsets(self.hands))
         return found[0]
 
@@ -117,7 +117,7 @@ class Tokens(Bundle):
 def defined_numbers(
     present: Bool[Tensor, "B 2"], valid: Bool[Tensor, "B T"], jointed: Bool[Tensor, " B"]
 ) -> Bool[Tensor, "B T 208"]:
-    """Numbers that mean something: of hands that take part, and of joints that are there."""
+    """Mask of defined features: of valid frames, hands that take part, and joints that exist."""
     parts = [*present.unbind(1), torch.ones_like(jointed), jointed]
     sizes = torch.tensor([HAND, HAND, OBJECT - 1, 1], device=valid.device)
     of_frame = torch.stack(parts, dim=1).repeat_interleave(sizes, dim=1)
@@ -130,7 +130,7 @@ def columns(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 6"]:
 
 
 def from_columns(numbers: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
-    """The rotation of two columns, made orthonormal."""
+    """The rotation of two columns, made orthonormal; inverse of `columns`."""
     return rotation_6d_to_matrix(numbers.unflatten(-1, (3, 2)).mT.flatten(-2))
 
 
@@ -141,7 +141,7 @@ def _mean_offsets(like: Tensor) -> Float[Tensor, "1 2 1 20 3"]:
 
 
 def tokens_of(actions: Actions, frame: HandFrame = "object") -> Tokens:
-    """The numbers of actions, with hands in the given axes."""
+    """The features of actions, with hands in the coordinate frame `frame`."""
     rotations = axis_angle_to_matrix(actions.pose)
     wrist, turn = actions.wrist, rotations[..., 0, :, :]
     if frame == "object":
@@ -157,7 +157,7 @@ def tokens_of(actions: Actions, frame: HandFrame = "object") -> Tokens:
 
 
 def actions_of(tokens: Tokens, like: Actions) -> Actions:
-    """The actions that numbers tell, with objects, verbs and names of others."""
+    """Actions decoded from features; objects, verbs and names are those of `like`."""
     object_rotation, shift = tokens.object_rotation, tokens.object[..., :3]
     rotations, wrist = tokens.rotations, tokens.hands[..., :3]
     turn = rotations[..., 0, :, :]

@@ -1,1 +1,1 @@
-"""What physics asks of a drawn action: objects that rest and stand, hands that hold, joints."""
+"""Physical corrections of sampled actions: objects that rest and stand, hands that hold, joints."""

@@ -1,6 +1,6 @@
-"""One hand of an action in the frame of its object, as the right hand that it or its mirror is.
+"""One hand of an action in the object frame, where left hands are mirrored to right ones.
 
-How firmly it holds the object, and a new hold where none of the drawn poses can carry it.
+How firmly it holds the object, and a new hold where no sampled pose can carry the object.
 """
 
 from dataclasses import dataclass, replace
@@ -27,26 +27,27 @@ from geneoh.synthesis.grasping.grasp_checks import unheld
 from geneoh.synthesis.grasping.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 
-STILL = 1e-5  # metres in a frame below which an object rests
-ARM = 0.01  # metres at which a turn counts as motion
-LIFTED = 0.01  # metres by which an object is off the height at which it rests
-TRIES = 12  # grasps that are looked for at once
-TOUCH = 0.003  # distance from the surface at which a pad touches, metres
+STILL = 1e-5  # metres per frame below which an object rests
+ARM = 0.01  # metres of motion that a radian of rotation counts as
+LIFTED = 0.01  # metres off its first height above which an object counts as lifted
+TRIES = 12  # grasps that are synthesised at once
+TOUCH = 0.003  # distance from the surface below which a pad touches, metres
 FIRM = 0.5
-"""Share of a push from the worst side that a hold may leave unheld (`grasp_checks.unheld`)."""
+"""Largest share of a push from the worst side that a firm hold leaves unheld (`unheld`)."""
 GRASPS = GraspConfig(grips=0)
 
 
 @dataclass(frozen=True)
 class HeldHands(Bundle):
-    """Mean right hands at an object, or mirror images of left ones, in the object's frame."""
+    """N right hands of the mean shape, or mirrored left ones, in the frame of their object."""
 
     pose: Float[Tensor, "N 16 3"]
     wrist: Float[Tensor, "N 3"]  # metres
 
     @classmethod
     def of(cls, actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> "HeldHands":
-        """A hand of the first action in all frames, from the middle of its object."""
+        """Hand `number` (0 left, 1 right) of the first action in all frames, relative to the
+        `middle` of its object."""
         axes = actions.rotation[0].mT
         turn = axes @ axis_angle_to_matrix(actions.pose[0, number, :, 0])
         apart = actions.wrist[0, number] - actions.translation[0]
@@ -55,13 +56,13 @@ class HeldHands(Bundle):
         return cls(torch.cat(pose, 1), wrist).on_side(number)
 
     def on_side(self, number: int) -> "HeldHands":
-        """Mirror images where the hand is a left one."""
+        """The hands, mirrored if `number` is that of the left hand."""
         if SIDES[number] == "right":
             return self
         return HeldHands(mirror_axis_angle(self.pose), mirror_points(self.wrist))
 
     def into(self, actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Actions:
-        """The actions whose first one has this hand; the inverse of `of`."""
+        """The actions with this hand in the first one; the inverse of `of`."""
         hand, turn, shift = self.on_side(number), actions.rotation[0], actions.translation[0]
         world = turn @ axis_angle_to_matrix(hand.pose[:, 0])
         place = (turn @ (hand.wrist + middle)[..., None])[..., 0] + shift
@@ -77,13 +78,13 @@ class HeldHands(Bundle):
 
     @property
     def mirrored_spheres(self) -> OtherHands:
-        """The same spheres as the hand of the other side sees them, in the mirror."""
+        """The spheres as an obstacle of the hand of the other side, whose frame is mirrored."""
         centers, radii = self.spheres
         return OtherHands(mirror_points(centers), radii)
 
     @property
     def pads(self) -> Float[Tensor, "N 19 3"]:
-        """Points of the skin that touch objects."""
+        """Contact points on the skin (pads)."""
         return contact_pads(*self._posed(), self._scale())[0]
 
     def _posed(self) -> tuple[Float[Tensor, "N 21 3"], Float[Tensor, "N 16 3 3"]]:
@@ -94,19 +95,19 @@ class HeldHands(Bundle):
 
 
 def table_of(actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Table:
-    """The table in all frames of the first action, where `HeldHands.of` has the hand."""
+    """The table in all frames of the first action, in the coordinates of `HeldHands.of`."""
     up = actions.rotation[0, :, 2]
     height = actions.translation[0, :, 2] + up @ middle
     return Table(up if SIDES[number] == "right" else mirror_points(up), height)
 
 
 def mean_offsets() -> Float[Tensor, "1 20 3"]:
-    """Skeleton of the mean right hand."""
+    """Bone offsets of the mean right hand."""
     return load_hand("right").shaped(torch.zeros(1, 10)).offsets
 
 
 def frames_of_motion(actions: Actions) -> Bool[Tensor, " T"]:
-    """Frames before which or after which the object of the first action moves."""
+    """Mask of frames just before or after which the object of the first action moves."""
     shift = actions.translation[0].diff(dim=0).norm(dim=-1)
     turn = matrix_to_axis_angle(actions.rotation[0, :-1].mT @ actions.rotation[0, 1:])
     moves = shift + ARM * turn.norm(dim=-1) > STILL
@@ -121,14 +122,14 @@ def lifted(actions: Actions, frames: Bool[Tensor, " T"]) -> bool:
 
 @dataclass(frozen=True)
 class Holding:
-    """What hands at an object touch, and how firmly."""
+    """Contact of hands with an object, and how firm it is."""
 
-    touching: Float[Tensor, " N"]  # number of pads
+    touching: Float[Tensor, " N"]  # number of touching pads
     loose: Float[Tensor, " N"]  # share of the worst push that is not held, 0 to 1
 
     @classmethod
     def of(cls, solids: Solids, hands: HeldHands) -> "Holding":
-        """The holding of N hands at N objects."""
+        """The contact of N hands with N objects."""
         pads = hands.pads
         gap, normal = solids.distance_and_normal(pads)
         touching = gap.abs() < TOUCH
@@ -142,10 +143,10 @@ def new_hold(
     table: Table,
     generator: torch.Generator,
 ) -> HeldHands | None:
-    """The firm grasp that is nearest to a drawn hand, as the training data were grasped.
+    """The firm grasp that is closest to a sampled hand, synthesised as for the training data.
 
-    It is looked for from the drawn hand's side of the object, over the table, and keeps out of the
-    hand `before`. None where no grasp passes the checks of the training data.
+    The search starts on the sampled hand's side of the object and avoids the table and the hand
+    `before`. None if no grasp passes the checks of the training data.
     """
     copies = torch.zeros(TRIES, dtype=torch.long)
     toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(TRIES, -1)

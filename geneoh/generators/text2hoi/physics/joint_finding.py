@@ -1,7 +1,7 @@
-"""The joint of two meshes in their closed state: found where their shapes tell it, and its range.
+"""The joint of two meshes in their closed state, found from their shapes, and its range.
 
 A part that can leave the other one in one direction only slides there, as a drawer does. A part
-that lies flat on the other one turns about the longest straight side of what they have in common.
+that lies flat on the other one turns about the longest straight side of their contact region.
 """
 
 import math
@@ -21,39 +21,39 @@ from geneoh.geometry.sampling import sample_surface
 from geneoh.seeds import seeded_generator
 
 SAMPLES = 1500  # points of each surface at which parts are compared
-CONTACTS = 8000  # points of the second part of which those next to the first one are looked for
+CONTACTS = 8000  # points of the second part among which those in contact are searched
 APART = 0.02
 """Largest gap between the parts of an object, metres."""
-NEAR = 0.003  # beyond the least gap, within which parts are next to each other, metres
-INSIDE = 0.2  # share of a part's surface that is in the other one from which they overlap
+NEAR = 0.003  # margin over the least gap within which points are in contact, metres
+INSIDE = 0.2  # share of a part's surface inside the other one above which they overlap
 DEEPER = 0.0008
-"""Depth up to which a part may come into the other one, metres: less than half of a thin wall."""
+"""Penetration depth that a moving part may reach, metres: less than half of a thin wall."""
 HINGE, SLIDE = math.radians(110.0), 0.12
-"""Most that a joint opens whose range is not told, radians and metres."""
+"""Largest opening of a joint of unknown range, radians and metres."""
 LEAST = {"hinge": math.radians(10.0), "slide": 0.01}
-"""Range below which nothing opens, radians and metres."""
-OPENS = math.radians(60.0)  # range of a hinge that is found
-STATES = 34  # in which parts are compared over the range
-TRIED = 12  # states in which hinges are tried
-FLAT = 0.25  # thickness of a contact in its least side, below which it is flat
+"""Least range of a joint that opens, radians and metres."""
+OPENS = math.radians(60.0)  # least range of a hinge that is found from shapes
+STATES = 34  # states over the range in which parts are compared
+TRIED = 12  # states in which candidates for a hinge are compared
+FLAT = 0.25  # largest ratio of thickness to width of a flat contact region
 STRIP, SHARE = (0.002, 0.006), 0.05
-"""Range of the width of the strip beside a side that contact is looked for in, metres, and its
-share of the width of the whole contact."""
+"""Least and largest width of the strip along a side in which contact is searched, metres, and the
+strip's share of the width of the contact region."""
 BIN, COVERED = 0.006, 0.7
-"""Metres along a side in which there must be a point, and the share of the side that has some."""
-STRAIGHT = math.cos(math.radians(1.0))  # beyond it an axis is taken as one of the frame
+"""Length of the bins along a side, metres, and the share of the side whose bins need a point."""
+STRAIGHT = math.cos(math.radians(1.0))  # cosine above which an axis is rounded to a frame axis
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Two closed parts, with what tells how they move against each other."""
+    """Two closed parts, as distance fields and surface points of each."""
 
     fields: tuple[SurfaceDistance, SurfaceDistance]
     points: tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"]]
 
     @classmethod
     def of(cls, meshes: tuple[Mesh, Mesh]) -> "Parts":
-        """The parts with these meshes; `InputError` where they are far apart."""
+        """The parts of these meshes; `InputError` if they are more than `APART` apart."""
         fields = SurfaceDistance(meshes[0]), SurfaceDistance(meshes[1])
         first, second = (
             sample_surface(f.solid, SAMPLES, generator=seeded_generator("parts")).points
@@ -75,17 +75,17 @@ class Parts:
     def depths(
         self, joint: Joint, states: Float[Tensor, " T"]
     ) -> tuple[Float[Tensor, "T P"], Float[Tensor, "T P"]]:
-        """How deep points of the second part are in the first one in states of a joint, and those
-        of the first one in the second, metres; zero beside it."""
+        """Penetration depths of the second part's points in the first one in each state of a joint,
+        and of the first part's points in the second one, metres; zero outside."""
         pose = joint.pose(states)
         there = self.fields[0].query(pose.apply(self.points[1]), within=DEEPER)
         back = self.fields[1].query(pose.inverse().apply(self.points[0]), within=DEEPER)
         return -there.distance.clamp(max=0), -back.distance.clamp(max=0)
 
     def room(self, joint: Joint, most: float, states: int = STATES) -> float:
-        """The state up to which nothing of a part comes into the other one.
+        """The state of the joint up to which the parts do not penetrate each other.
 
-        What is inside when they are closed does not count: some are modelled so.
+        Points that are inside in the closed state do not count: some models overlap there.
         """
         tried = torch.linspace(0.0, most, states)
         free = torch.ones(states, dtype=torch.bool)
@@ -104,7 +104,7 @@ class Parts:
 
 
 def named(mesh: Mesh) -> str:
-    """What sentences call a part."""
+    """The name of a part in messages."""
     return "a part" if mesh.source is None else mesh.source.name
 
 
@@ -112,8 +112,8 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
     """The joint of two meshes with its range, and notes on what was found.
 
     Raises:
-        InputError: the parts are far apart, the joint that is given does not open them, or none is
-            given and their shapes do not tell it.
+        InputError: the parts are far apart, the passed joint does not open them, or no joint is
+            passed and none is found from their shapes.
     """
     parts = Parts.of(meshes)
     if given is None:
@@ -136,7 +136,7 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
 
 
 def found_joint(parts: Parts, name: str) -> tuple[Joint, tuple[str, ...]]:
-    """The joint that the shapes of two parts tell, and a note where another one fits as well."""
+    """The joint found from the shapes of two parts, and a note on each other one that fits."""
     ask = f"give the joint as --joint {FORM}"
     inside = (parts.fields[0].query(parts.points[1]).distance < -DEEPER).float().mean()
     if float(inside) > INSIDE:
@@ -157,7 +157,7 @@ def found_joint(parts: Parts, name: str) -> tuple[Joint, tuple[str, ...]]:
 
 
 def found_slide(parts: Parts) -> Joint | None:
-    """The slide along the only axis of the frame in which the second part is free; else None."""
+    """The slide along the only frame direction in which the second part is free; else None."""
     ways = torch.cat([torch.eye(3), -torch.eye(3)])
     slides = [Joint(way, torch.zeros(3), slides=True) for way in ways]
     free = [each for each in slides if parts.room(each, 0.03) > 0.029]
@@ -169,7 +169,7 @@ def found_slide(parts: Parts) -> Joint | None:
 
 
 def found_hinges(parts: Parts) -> list[tuple[float, Joint]]:
-    """Straight sides of the common region about which the second part opens, with their lengths."""
+    """Hinges along straight sides of the contact region, each with the length of its side."""
     contact = parts.contact.double()
     middle = contact.mean(0)
     _, spread, axes = torch.linalg.svd(contact - middle, full_matrices=False)
@@ -197,7 +197,7 @@ def found_hinges(parts: Parts) -> list[tuple[float, Joint]]:
 
 
 def sides_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The sides of the least rectangle around points (N, 2), each from corner to corner."""
+    """The sides of the smallest rectangle around points (N, 2), each from corner to corner."""
     hull = points[ConvexHull(points).vertices]
     edges = np.roll(hull, -1, 0) - hull
     best: tuple[float, np.ndarray] | None = None
@@ -213,7 +213,7 @@ def sides_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def covered(points: np.ndarray, start: np.ndarray, end: np.ndarray, strip: float) -> float:
-    """Length of the segment beside which, in a strip, there are points (N, 2), metres."""
+    """Length of a segment along which points (N, 2) lie in a strip beside it, metres."""
     way = (end - start) / np.linalg.norm(end - start)
     aside = np.abs((points - start) @ np.array([-way[1], way[0]]))
     along = ((points - start) @ way)[aside < strip]

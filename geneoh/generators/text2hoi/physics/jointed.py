@@ -25,8 +25,8 @@ from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
 from geneoh.synthesis.actions.action import NEAR, Actions
 
-ALIKE = 0.005  # metres by which a hand may be farther away than the nearest one drawn
-LOST = 0.1  # share of the joint's way that may be left out without a word
+ALIKE = 0.005  # metres by which a hand may be farther away than in the best sample
+LOST = 0.1  # share of the joint's motion that may be lost without a note
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class JointedObject:
         joint: Joint | None,
         closes: bool,
     ) -> tuple["JointedObject", tuple[str, ...]]:
-        """The object with its joint, which is found where none is given, and notes on it.
+        """The object with its joint, which is found if `joint` is None, and notes on it.
 
         Raises:
             InputError: as `joint_of`.
@@ -67,7 +67,7 @@ class JointedObject:
 
     @property
     def objects(self) -> Objects:
-        """A batch of this object, as the networks take it."""
+        """A batch of this object alone, as input of the networks."""
         return Objects(
             points=self.stood.points[None],
             normals=self.stood.normals[None],
@@ -78,12 +78,12 @@ class JointedObject:
         )
 
     def guided(self, drawn: Actions) -> Actions:
-        """Drawn actions with a joint that opens or closes within its range; see `guided`."""
+        """Sampled actions with a joint that opens or closes within its range; see `guided`."""
         return guided(drawn, self.closes, self.most)
 
     def reached(self, drawn: Actions) -> Bool[Tensor, " B"]:
-        """Drawn actions whose hand is at the second part when it begins to move and stays over the
-        table, or is nearest to that."""
+        """Mask of sampled actions whose hand is at the second part when it begins to move and stays
+        over the table; if there are none, of those that come closest to this."""
         drawn = drawn.to("cpu")
         guided = self.guided(drawn)
         away = starting_gap(guided, drawn).amin(1) + under_table(guided)
@@ -94,8 +94,8 @@ class JointedObject:
     ) -> tuple[Actions, tuple[str, ...]]:
         """A guided action from rest to rest whose part moves only while a hand is at it.
 
-        With a generator the hand is first brought to the part (`held_at_parts`). Notes say where
-        some of the motion is left out.
+        With a generator the hand is first brought to the part (`held_at_parts`). A note reports
+        motion that is lost.
         """
         asked = actions
         if generator is not None:
@@ -119,11 +119,12 @@ def joined(meshes: tuple[Mesh, ...]) -> Mesh:
 
 
 def asked_joint(meshes: tuple[Mesh, ...], joint: Joint | str | None) -> Joint | None:
-    """The joint of the meshes, where one is given.
+    """The joint that was passed for the meshes, parsed; None if there is none.
 
     Raises:
-        InputError: there are more than two meshes or none, a joint with a single one, or the text
-            of the joint is none.
+        InputError: there are more than two meshes or none, there is a joint but a single mesh, or
+            the text of the joint is invalid.
+        ConfigError: `joint` is neither a text nor a `Joint`.
     """
     if len(meshes) not in (1, 2):
         raise InputError(

@@ -1,9 +1,9 @@
-"""A hand that opens or closes an object of two parts: how the joint moves, and hands that go along.
+"""A hand that opens or closes an object of two parts: the joint's motion, and hands that follow it.
 
-The network tells when a joint moves and how far; but it has seen few joints, and hands that it
-draws stray from a part that moves. So the joint goes from closed to open, or back, within its range
-and one way only, the first part rests on the table, and the hand that is nearer to the second part
-is taken along with it.
+The network predicts when and how far a joint moves. It was trained on few joints, and its hands
+stray from a moving part. So the joint is made to go from closed to open, or back, within its range
+and in one direction, the first part rests on the table, and the hand that is nearer to the second
+part follows it.
 """
 
 from dataclasses import replace
@@ -19,21 +19,21 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
-ENDS = 6  # the joint rests in the first and in the last of so many equal shares of a clip
+ENDS = 6  # the end states of a joint are means over the first and the last sixth of a clip
 LEAST = 0.25
-"""Share of its range that a joint is drawn to move at least; else its motion is made up."""
-MADE_UP = (0.35, 0.65)  # shares of a clip from and to which it moves then
-STILL = 0.05  # share of its way that a joint is off either end before it counts as moving
-SMOOTHING = 2.0  # deviation in frames of the Gaussian over the joint's states
-MOVES = 1e-4  # radians or decimetres in a frame from which a joint moves
-BEGIN = 3  # the first of so many shares of the joint's motion tells which hand moves it
+"""Share of its range that a sampled joint must move; else a default motion replaces its own."""
+MADE_UP = (0.35, 0.65)  # start and end of the default motion, as shares of the clip
+STILL = 0.05  # share of the motion at either end that does not count as moving
+SMOOTHING = 2.0  # standard deviation of the Gaussian over the joint's states, frames
+MOVES = 1e-4  # radians or decimetres per frame above which a joint moves
+BEGIN = 3  # the first third of the joint's motion decides which hand moves it
 
 
 def guided(actions: Actions, closes: bool, most: float) -> Actions:
-    """Drawn actions whose joint opens, or closes, and whose first part rests.
+    """Sampled actions whose joint only opens, or only closes, and whose first part rests.
 
-    The joint is closed at 0 and moves half of `most` at least, radians or metres, and `most` at
-    most. Hands keep their place at the part that they are at.
+    The joint is closed at 0 and moves by `most` / 2 to `most`, radians or metres. Hands keep their
+    pose relative to the part that they are at.
     """
     way, share = _drawn_way(actions, closes, most)
     open_share = 1 - share if closes else share
@@ -44,7 +44,7 @@ def guided(actions: Actions, closes: bool, most: float) -> Actions:
 def _drawn_way(
     actions: Actions, closes: bool, most: float
 ) -> tuple[Float[Tensor, " B"], Float[Tensor, "B T"]]:
-    """How far joints are drawn to move, and the share of it that is done, from 0 to 1."""
+    """How far sampled joints move, and the share of this that is done in each frame, 0 to 1."""
     frames = torch.arange(actions.joint.shape[1])
     last = actions.length[:, None] - 1
     ends = (frames <= last / ENDS, (frames >= last - last / ENDS) & (frames <= last))
@@ -58,16 +58,16 @@ def _drawn_way(
 
 
 def joint_frames(actions: Actions) -> Bool[Tensor, "B T"]:
-    """Frames before which or after which the joint moves."""
+    """Mask of frames just before or after which the joint moves."""
     moves = (actions.joint * actions.joint_units).diff(dim=1).abs() > MOVES
     pad = torch.nn.functional.pad
     return pad(moves, (1, 0)) | pad(moves, (0, 1))
 
 
 def outward(actions: Actions) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
-    """Directions away from the hinge, or out of the first part, and the middles of second parts.
+    """Unit directions away from the hinge, or along the slide, and the centroids of second parts.
 
-    Both are of the closed object, in its frame; metres. A hand beyond the middle moves a lid.
+    Both are in the frame of the closed object, metres. A hand moves a lid beyond its centroid.
     """
     there = (actions.part > 0).to(actions.points)[..., None]
     middle = (actions.points * there).sum(1) / there.sum(1)
@@ -80,7 +80,7 @@ def outward(actions: Actions) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"
 def part_gaps(actions: Actions) -> Float[Tensor, "B 2 T"]:
     """Distance of the nearest keypoint of each hand to the outward half of the second part, metres.
 
-    It is infinite for hands that take no part.
+    The distance is infinite for hands that do not take part.
     """
     way, middle = outward(actions)
     outer = ((actions.points - middle[:, None]) @ way[..., None])[..., 0] > 0
@@ -95,7 +95,7 @@ def part_gaps(actions: Actions) -> Float[Tensor, "B 2 T"]:
 
 
 def starting_gap(moving: Actions, drawn: Actions) -> Float[Tensor, "B 2"]:
-    """How far hands are drawn from the second part when its joint begins to move, metres."""
+    """Mean distance of sampled hands from the second part as its joint begins to move, metres."""
     moves = joint_frames(moving)
     begun = moves & (moves.cumsum(1) * BEGIN <= moves.sum(1, keepdim=True) + BEGIN)
     gaps = torch.where(begun[:, None], part_gaps(drawn), 0.0).sum(2)
@@ -103,13 +103,13 @@ def starting_gap(moving: Actions, drawn: Actions) -> Float[Tensor, "B 2"]:
 
 
 def under_table(actions: Actions) -> Float[Tensor, " B"]:
-    """How deep the lowest keypoint of hands that take part is under the table, mean, metres."""
+    """Mean depth over the frames of the hands' lowest keypoint below the table, metres."""
     lowest = (-actions.keypoints()[..., 2].amin(-1)).clamp(min=0) * actions.hands[:, :, None]
     return (lowest.amax(1) * actions.valid).sum(1) / actions.length
 
 
 def opener(moving: Actions, drawn: Actions) -> Bool[Tensor, "B 2"]:
-    """The hand that moves the joint: the one that is drawn nearer to the second part."""
+    """One-hot mask of the hand that moves the joint: the sampled one nearer to the second part."""
     nearest = starting_gap(moving, drawn).argmin(1)
     return torch.nn.functional.one_hot(nearest, 2).bool()
 
@@ -119,7 +119,7 @@ def with_joint(
 ) -> Actions:
     """The same actions with other states of the joint and the first part at rest on the table.
 
-    Hands that are on the second part go along with it, the others with the first one.
+    Hands in `on_second` follow the second part, the others the first one.
     """
     still = torch.eye(3).expand_as(actions.rotation), torch.zeros_like(actions.translation)
     moved = replace(actions, rotation=still[0], translation=still[1], joint=joint)
@@ -154,7 +154,7 @@ def rigid_part(actions: Actions, part: int) -> Actions:
 def moved_by_hands_at_part(actions: Actions, closes: bool) -> Actions:
     """The first action with a joint that moves only while a hand is within `NEAR` of its part.
 
-    It still starts closed, or ends so.
+    It still starts closed, or ends closed if it `closes`.
     """
     touching = touching_hands(rigid_part(actions, 1))
     held = touching.any(1)
@@ -166,6 +166,6 @@ def moved_by_hands_at_part(actions: Actions, closes: bool) -> Actions:
 
 
 def left_out(before: Actions, after: Actions) -> float:
-    """The share of the joint's way that it has lost in the first action."""
+    """The share of the joint's motion in `before` that `after` lacks, in the first action."""
     ways = [float(each.joint[0].amax() - each.joint[0].amin()) for each in (before, after)]
     return 1 - ways[1] / max(ways[0], 1e-9)

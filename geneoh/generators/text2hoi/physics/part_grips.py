@@ -1,8 +1,8 @@
-"""Holds by which a hand can open or close a part: told from those that cannot, and looked for.
+"""Holds by which a hand can open or close a part: their cost, and a search for better ones.
 
-A palm that lies on a lid can press it shut but not lift it. What a hold bears along the motion of
-the joint follows from the friction at its pads; the hinge or the slide bears all else. The forearm
-counts too, as a hold that it would reach through the table or the object is none.
+A palm that lies on a lid can press it shut but not lift it. The force of a hold along the motion of
+the joint follows from the friction at its pads; the hinge or the slide bears all other forces. The
+forearm counts too: a hold is impossible if the forearm passes through the table or the object.
 """
 
 from dataclasses import dataclass
@@ -20,32 +20,32 @@ from geneoh.synthesis.grasping.grasp_checks import FRICTION
 from geneoh.synthesis.grasping.grasps import synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 
-TRIES = 24  # holds that are looked for
-GOOD = 0.8  # cost of a hold from which no other one is looked for
-FEWEST = 2  # pads of a hold that touch the part
-SKIN = 0.003  # by which the skin may be beyond the spheres, metres
-FOREARM = torch.tensor([0.06, 0.12, 0.18])  # metres from the wrist at which the arm is looked at
-ARM_RADIUS = 0.03  # of the forearm, metres
+TRIES = 24  # new holds that are synthesised
+GOOD = 0.8  # cost of a hold below which no new one is searched
+FEWEST = 2  # least number of pads of a hold that touch the part
+SKIN = 0.003  # distance by which the skin may exceed the spheres, metres
+FOREARM = torch.tensor([0.06, 0.12, 0.18])  # distances of the forearm's spheres from the wrist
+ARM_RADIUS = 0.03  # radius of these spheres, metres
 UNMOVED, DEEP, FAR, SHORT, ARM = 4.0, 400.0, 5.0, 1.0, 30.0
-"""Costs of a hold: of the share of a push along the joint that it cannot bear; of a metre that it
-is deep in something, that it is away from the drawn hand, that the forearm is deep; and of having
-no lever at all."""
+"""Weights of a hold's costs: the share of a push along the joint that it cannot bear; penetration
+depth (metres); distance from the sampled hand (metres); a missing lever arm (1 for none); and
+penetration depth of the forearm (metres)."""
 
 
 @dataclass(frozen=True)
 class PartTask:
-    """What a hand at a part is to do, in the part's frame, in which right hands are held."""
+    """The task of a hand at a part, in the part's frame, mirrored for a left hand."""
 
     around: Solids
-    """One object: the part, then the other one in states of the joint; with the joint itself."""
+    """One object: the part, then the other part in several states of the joint; with the joint."""
     tables: Table  # in the frames of the hold
     out: Float[Tensor, " 3"]  # away from the hinge, or out of the first part
     way: float  # 1 to open, -1 to close, 0 to hold still
     other: OtherHands | None  # the other hand in some frames of the hold
 
     def costs(self, hands: HeldHands, drawn: HeldHands) -> Float[Tensor, " N"]:
-        """How much is wrong with N hands in place of a drawn one; infinite for those that cannot
-        hold the part at all."""
+        """Costs of N hands in place of a sampled one; infinite for those that touch the part with
+        fewer than `FEWEST` pads."""
         pads, copies = hands.pads, torch.zeros(len(hands.wrist), dtype=torch.long)
         part = self.around.take([0], "S").take(copies, "B")
         gap, normal = part.distance_and_normal(pads)
@@ -64,18 +64,18 @@ class PartTask:
         return cost.masked_fill(touching.sum(1) < FEWEST, torch.inf)
 
     def motion(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-        """The directions in which points of the part move."""
+        """Unit directions in which points of the part are to move."""
         joint = self.around
         turning = torch.linalg.cross(joint.axis, points - joint.pivot)
         along = torch.where(joint.slides[:, None], joint.axis, turning)
         return self.way * torch.nn.functional.normalize(along, dim=-1)
 
     def depth(self, hands: HeldHands) -> Float[Tensor, " N"]:
-        """How deep the deepest sphere of hands is in both parts or the table, metres."""
+        """Largest penetration depth of hands in the parts, the table or the other hand, metres."""
         return self._depth(*hands.spheres)
 
     def forearm_depth(self, hands: HeldHands) -> Float[Tensor, " N"]:
-        """The same of the forearms that hands have where wrists are straight."""
+        """The same for the forearms of hands with straight wrists."""
         along = axis_angle_to_matrix(hands.pose[:, 0])[:, None, :, 0]  # hands point along -x
         centers = hands.wrist[:, None] + FOREARM[:, None] * along
         return self._depth(centers, torch.full(centers.shape[:2], ARM_RADIUS))
@@ -85,7 +85,7 @@ class PartTask:
     ) -> Float[Tensor, " N"]:
         copies = torch.zeros(len(centers), dtype=torch.long)
         deep = radii - self.around.take(copies, "B").signed_distance(centers)
-        for end in (0, -1):  # of the hold: between its ends the joint moves one way
+        for end in (0, -1):  # of the hold: in between the joint moves in one direction
             table = self.tables.take([end], "B").take(copies, "B")
             deep = deep.maximum(table.depth(centers, radii + SKIN))
         if self.other is not None:
@@ -105,7 +105,7 @@ def unmoved(
 def best_hold(
     task: PartTask, held: HeldHands, drawn: HeldHands, generator: torch.Generator
 ) -> HeldHands:
-    """The settled hold that is given where it will do; else the least costly of it and new ones."""
+    """The hold `held` if its cost is below `GOOD`; else the cheapest of it and new ones."""
     if float(task.costs(held, drawn)) < GOOD:
         return held
     copies = torch.zeros(TRIES, dtype=torch.long)

@@ -1,7 +1,7 @@
-"""The hold of a hand that opens or closes: found at the closed or open object, and kept.
+"""The hold of a hand that opens or closes an object, kept while the joint moves.
 
-The second part is what the hand holds; the first one is what it keeps out of, in all states of the
-joint while it holds, and where it is in each frame on its ways.
+The hand holds the second part and avoids the first one: in all states of the joint during the hold,
+and in the state of each frame on the ways to and from it.
 """
 
 from dataclasses import dataclass, replace
@@ -35,16 +35,17 @@ from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
 from geneoh.synthesis.shapes.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Scans, build_scans
 from geneoh.synthesis.shapes.solids import SCAN, Solids
 
-GRIP = 4  # frames for which the hand holds the part before it moves and after it has moved
+GRIP = 4  # frames for which the hand holds the part before and after its motion
 RISE = 6  # frames over which a hand is lifted out of the table
 FREE, CLEAR = 0.005, 0.001
-"""Metres from the first part at which a finger reaches behind the second one, or touches it."""
-STATES = 7  # of the joint between its ends, in which a hold keeps out of the first part
+"""Distance from the first part above which a finger fits behind the second one, or can touch it,
+metres."""
+STATES = 7  # states of the joint, ends included, in which a hold avoids the first part
 
 
 @dataclass(frozen=True)
 class PartShapes:
-    """Grids of both parts of an object that stands closed on the table."""
+    """Signed distance grids of both parts of an object that stands closed on the table."""
 
     scans: Scans  # of the first part, then of the second one
     middles: tuple[Float[Tensor, " 3"], Float[Tensor, " 3"]]  # of their bounding boxes
@@ -53,7 +54,7 @@ class PartShapes:
     def of(cls, meshes: tuple[Mesh, Mesh], out: Float[Tensor, " 3"]) -> "PartShapes":
         """The grids of upright meshes, metres; a hand opens the second part towards `out`.
 
-        The first part is filled, as its convex hull: a hand at the second one must not be shut in.
+        The first part is replaced by its convex hull, so that no hand is shut in.
         """
         corners = meshes[0].verts
         filled = Mesh(
@@ -68,10 +69,10 @@ class PartShapes:
         return cls(replace(scans, grasped=grasped), (middles[0], middles[1]))
 
     def seen_from(self, part: int, poses: Rigid, joint: Joint) -> Solids:
-        """Objects of one part, 0 or 1, and the other one at B x N `poses` of the joint.
+        """B objects of one part, 0 or 1, and the other one in N poses each.
 
-        `poses` are of the second part in the frame of the first one; what is made is in the frame
-        of the closed object moved to the middle of `part`, which is the first of its solids.
+        `poses` (B x N) are of the second part in the frame of the first one. The result is in the
+        closed object's frame with the origin at the middle of `part`, which is the first solid.
         """
         other, (batch, count) = 1 - part, poses.translation.shape[:2]
         poses = poses.inverse() if part else poses
@@ -99,10 +100,10 @@ class PartShapes:
 def graspable(
     scans: Scans, second: Mesh, middles: list[Float[Tensor, " 3"]], out: Float[Tensor, " 3"]
 ) -> Float[Tensor, " M"]:
-    """How likely a hand takes the second part at each of its points, relatively.
+    """Relative probability that a hand grasps the second part at each of its points.
 
-    It is where fingers reach both sides: a handle, a knob or an edge beyond the first part; rarely
-    elsewhere beyond the middle of the part, and nowhere next to the first part.
+    It is high where fingers reach both sides (a handle, a knob or an edge beyond the first part),
+    low elsewhere beyond the middle of the part, and nearly zero next to the first part.
     """
     points, normals = scans.points[1], scans.normals[1]
     field = SurfaceDistance(Mesh(second.verts - middles[1], second.faces))
@@ -120,9 +121,9 @@ def held_at_parts(
 ) -> Actions:
     """The first action with the hand that moves the joint at the second part while it moves.
 
-    `meshes` stand closed, in the frame of the actions. The hold is kept; on its ways to it and from
-    it the hand is taken out of both parts and the table. Another hand holds the first part, beside
-    the hand that moves the joint.
+    `meshes` stand closed, in the frame of the actions. On the ways to and from the hold the hand is
+    pushed out of both parts and the table. A second hand holds the first part and avoids the hand
+    that moves the joint.
     """
     moves = torch.nonzero(joint_frames(actions)[0])[:, 0]
     if not len(moves):
@@ -145,7 +146,7 @@ def _with_hold(
 ) -> Actions:
     """The first action with a hand at a part while the joint moves, in the frames `moves`.
 
-    `hand_at` are the numbers of both, and `before` is that of a hand that it keeps out of.
+    `hand_at` are the indices of hand and part; `before` is the index of a hand to avoid.
     """
     number, part = hand_at
     seen, middle = rigid_part(actions, part), shapes.middles[part]
@@ -173,15 +174,15 @@ def _with_hold(
 
 
 def at_once(hands: OtherHands, frames: Int[Tensor, " N"]) -> OtherHands:
-    """A hand in some frames as one, all of which others keep out of."""
+    """The spheres of a hand in all of some frames, as one obstacle."""
     some = hands.take(frames, "B")
     return OtherHands(some.centers.flatten(0, 1)[None], some.radii.flatten()[None])
 
 
 def _hold(task: PartTask, drawn: HeldHands, generator: torch.Generator) -> HeldHands:
-    """The pose in which a hand holds a part: the best of those drawn, settled, or a new one.
+    """The pose in which a hand holds a part: the best optimised sample, or a new grasp.
 
-    Of the tables of the hold that one counts in which the hand is lowest.
+    The table is that of the hold's first or last frame, whichever the hand penetrates more.
     """
     ends, frames = task.tables.take([0, -1], "B"), torch.arange(len(drawn.wrist))
     middle = drawn.take(frames[len(frames) // 2].expand(2), "N")
@@ -192,7 +193,7 @@ def _hold(task: PartTask, drawn: HeldHands, generator: torch.Generator) -> HeldH
 
 
 def over_table(hand: HeldHands, table: Table, hold: Int[Tensor, " N"]) -> HeldHands:
-    """A hand that is lifted out of the table, smoothly, on its ways to a hold and from it."""
+    """A hand that is lifted out of the table, smoothly, on the ways to and from its hold."""
     depth = table.depth(*hand.spheres).amax(1).clamp(min=0)
     frames = torch.arange(len(depth))
     highest = torch.nn.functional.max_pool1d(depth[None], 2 * RISE + 1, 1, RISE)[0]

@@ -1,4 +1,4 @@
-"""Objects that rest unless a hand touches them, as physics asks of what a network draws."""
+"""Physics that a network's samples lack: objects rest unless a hand touches them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,14 +12,14 @@ from geneoh.synthesis.actions.action import NEAR, Actions
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
 UPRIGHT_TURN = 0.5
-"""Turn from how an object stands below which it is taken as standing, radians."""
-EASE = 12  # frames at either end of a clip in which its time runs slower
+"""Tilt from upright below which an object counts as standing, radians."""
+EASE = 12  # frames at either end of a clip over which its time is slowed
 ON_TABLE = 0.04
-"""Height of an object over the table below which it is taken as standing on it, metres."""
+"""Height over the table below which an object counts as standing on it, metres."""
 
 
 def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
-    """Frames in which a keypoint of each hand is within `NEAR` of a point of the object."""
+    """Mask of frames in which a keypoint of each hand is within `NEAR` of an object point."""
     joints = actions.keypoints()
     rotation, translation = actions.part_poses()
     touching = torch.zeros(actions.wrist.shape[:3], dtype=torch.bool)
@@ -34,9 +34,9 @@ def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
 
 
 def finished(actions: Actions, settle: Callable[[Actions], Actions] | None = None) -> Actions:
-    """Drawn actions with objects that move only while a hand touches them, from rest to rest.
+    """Sampled actions from rest to rest, with objects that move only while a hand touches them.
 
-    `settle` mends the hands before all comes to rest: hands that changed later would not rest.
+    `settle` corrects the hands before the ends are eased: a later correction would move them again.
     """
     actions = moved_by_hands(actions)
     if settle is not None:
@@ -45,9 +45,9 @@ def finished(actions: Actions, settle: Callable[[Actions], Actions] | None = Non
 
 
 def eased(actions: Actions) -> Actions:
-    """The same actions in a time that begins and ends slowly, so that all starts and ends at rest.
+    """The same actions with time slowed at both ends, so that everything starts and ends at rest.
 
-    In `EASE` frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
+    Over `EASE` frames at either end time runs as 2 u^2 - u^3, whose rate goes from 0 to 1.
     """
     last = (actions.length - 1)[:, None].to(actions.joint)
     return _at_times(actions, eased_time(actions.joint.shape[1], last))
@@ -66,14 +66,14 @@ def eased_time(count: int, last: Float[Tensor, "B 1"]) -> Float[Tensor, "B {coun
 
 
 def retimed(actions: Actions, lengths: Int[Tensor, " B"]) -> Actions:
-    """The same actions in other numbers of frames, two or more, from their starts to their ends."""
+    """The same actions resampled from start to end to other numbers of frames, at least two."""
     pace = (actions.length - 1) / (lengths - 1)
     frames = torch.arange(int(lengths.max()), device=pace.device).minimum(lengths[:, None] - 1)
     return replace(_at_times(actions, frames * pace[:, None]), length=lengths)
 
 
 def _at_times(actions: Actions, time: Float[Tensor, "B S"]) -> Actions:
-    """The same actions at times in frames from their starts, between frames by interpolation."""
+    """The same actions at `time`, in frames from the start, interpolated between frames."""
     before = time.floor().long()
     after = torch.minimum(before + 1, actions.length[:, None] - 1)
     rows, share = torch.arange(len(time), device=time.device)[:, None], time - before
@@ -102,10 +102,10 @@ def _at_times(actions: Actions, time: Float[Tensor, "B S"]) -> Actions:
 def moved_by_hands(actions: Actions) -> Actions:
     """The same actions with objects that move only while a hand touches them.
 
-    Every step of the object between two touched frames is kept, every other one is left out; hands
-    stay where they are at the object. An object that nearly stands on the table at the start or at
-    the end, or that no hand touches there, does: what is left over is spread over the second
-    half of its motion. No point of an object is ever under the table.
+    Steps of the object between two frames of contact are kept, all others are dropped; hands keep
+    their pose relative to the object. An object that nearly stands on the table at the start or the
+    end, or that no hand touches there, is put on it; the correction at the end is spread over the
+    second half of its motion. No object point is ever under the table.
     """
     touched = touching_hands(actions).any(1)
     moves = (touched[:, 1:] & touched[:, :-1]).to(actions.translation)
@@ -137,7 +137,7 @@ def moved_by_hands(actions: Actions) -> Actions:
 def _standing(
     rotation: Float[Tensor, "B 3 3"], translation: Float[Tensor, "B 3"], held: Bool[Tensor, " B"]
 ) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
-    """The pose on the table next to one that is nearly there or not held; others as they are."""
+    """The closest pose on the table for a pose that is nearly there or not held; else unchanged."""
     yaw = torch.atan2(rotation[:, 1, 0] - rotation[:, 0, 1], rotation[:, 0, 0] + rotation[:, 1, 1])
     upright = axis_angle_to_matrix(yaw[:, None] * torch.eye(3)[2].to(rotation))
     tilt = matrix_to_axis_angle(rotation @ upright.mT).norm(dim=-1)
@@ -155,7 +155,7 @@ def with_object_motion(
     translation: Float[Tensor, "B T 3"],
     joint: Float[Tensor, "B T"],
 ) -> Actions:
-    """The same actions with another motion of the object, which the hands go along with."""
+    """The same actions with another motion of the object, which the hands follow."""
     change = rotation @ actions.rotation.mT
     apart = actions.wrist - actions.translation[:, None]
     wrist = (change[:, None] @ apart[..., None])[..., 0] + translation[:, None]

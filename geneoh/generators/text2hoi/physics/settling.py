@@ -1,9 +1,9 @@
-"""Hands brought to the surface they hold: penetration and gaps that a network leaves are undone.
+"""Hands brought to the surface they hold: penetration and gaps that a network leaves are removed.
 
-Ours. Some poses of a hold descend the energy by which the training data were grasped
-(`geneoh.synthesis.grasping.grasps`), and the best is kept. While the object moves the hand stays in
-this pose at it, so that contact holds; where the object rests, the change goes to the whole touch.
-It fades out on the ways to the object and from it, on which hands are taken out of the object.
+Ours. Several poses of a hold are optimised with the grasp energy of the training data
+(`geneoh.synthesis.grasping.grasps`), and the best is kept. While the object moves, the hand keeps
+this pose relative to it, so that contact lasts; if it rests, the correction applies to all frames
+of contact. It fades out on the ways to and from the object, on which hands are pushed out of it.
 """
 
 from dataclasses import replace
@@ -38,25 +38,25 @@ from geneoh.synthesis.shapes.scans import MeshFolder, build_scans
 from geneoh.synthesis.shapes.solids import Solids
 
 REACH = 0.012
-"""Distance from the surface within which a pad of the hand is brought to it, metres."""
+"""Distance from the surface within which a pad of the hand is pulled to it, metres."""
 DEEP = 0.004
-"""Depth of a hold from which another one is looked for, metres."""
-TRIES = 5  # poses of a hold of which the one that settles best is taken
+"""Penetration depth of a hold above which a new one is synthesised, metres."""
+TRIES = 5  # poses of a hold that are optimised; the best is kept
 LOOSE = 20.0
-"""Pads that a hold is worth which bears pushes from all sides, against one that bears none."""
-FADE = 40.0  # frames over which the change fades out: over 15 hands jerked to their holds
-ROUNDS = 12  # in which a hand is taken out of what it is in
-SMOOTH = 2.0  # deviation in frames over which ways out of the object are smoothed
+"""Number of touching pads that bearing pushes from all sides is worth, relative to bearing none."""
+FADE = 40.0  # frames over which the correction fades out; with 15, hands jerked to their holds
+ROUNDS = 12  # iterations that push a hand out of what it penetrates
+SMOOTH = 2.0  # standard deviation of the smoothing of these pushes, frames
 SETTLING = GraspConfig(
     steps=80,
     wrist_rate=0.003,
     angle_rate=0.02,
-    energy=GraspEnergy(liked=0.5),  # fingers stay nearer to how they were drawn
+    energy=GraspEnergy(liked=0.5),  # fingers stay nearer to the sampled pose
 )
 
 
 def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
-    """The standing object as a grid of signed distance, and the middle that it is around."""
+    """The standing object as a signed distance grid, and its middle, the origin of the grid."""
     verts = stood.mesh.verts @ stood.rotation.T + stood.shift
     middle = (verts.amin(0) + verts.amax(0)) / 2
     name = "the mesh" if stood.mesh.source is None else str(stood.mesh.source)
@@ -65,10 +65,10 @@ def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
 
 
 def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generator) -> Actions:
-    """The first action with hands that touch its object and sink into neither it nor the table.
+    """The first action with hands that touch its object and penetrate neither it nor the table.
 
-    The hand that carries the object longer keeps its place, and the other one makes way for it.
-    Where no drawn pose can hold what it lifts, the hand takes the nearest grasp that can.
+    The hand that carries the object longer is settled first, and the other one avoids it. A hand
+    that lifts the object without a sampled pose that holds it takes the closest grasp found.
     """
     solids, middle = solid_of(stood)
     touching, moves = touching_hands(actions)[0], frames_of_motion(actions)
@@ -101,10 +101,10 @@ def settled_pose(
     table: Table,
     part: Solids | None = None,
 ) -> tuple[HeldHands, Int[Tensor, ""], bool]:
-    """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
+    """The best of several optimised poses of a hold, its frame, and whether it is good enough.
 
-    Best is who holds the object firmly against pushes and touches with most pads, less what sinks
-    in, beside the hand `before` and over the table.
+    The score rewards touching pads and firmness against pushes, and penalises penetration of the
+    object, the table and the hand `before`.
     """
     tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
     copies = torch.zeros(TRIES, dtype=torch.long)
@@ -121,7 +121,7 @@ def settled_pose(
         types=torch.zeros(TRIES, dtype=torch.long),
     )
     out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table, other=other)
-    # a hand that comes out of the object from deep inside is drawn back to what is then next to it
+    # a hand that left the object from deep inside is now pulled to the surface it ended up near
     after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table, other=other)
     found = HeldHands(after.pose, after.wrist)
     centers, radii = found.spheres
@@ -137,7 +137,7 @@ def settled_pose(
 
 
 def moved_out_of(hands: HeldHands, other: OtherHands) -> HeldHands:
-    """Hands shifted until they are out of others."""
+    """Hands shifted out of other hands."""
     for _ in range(ROUNDS):
         hands = replace(hands, wrist=hands.wrist + shifts_out_of_hand(hands, other))
     return hands
@@ -161,11 +161,11 @@ def kept_pose(
     table: Table,
     other: OtherHands | None,
 ) -> HeldHands:
-    """A hand that is in the pose `held` from the first to the last of some frames.
+    """A hand that is in the pose `held` from the first to the last of `frames`.
 
-    Where the hold is longer, the change at these frames goes to all of it. It fades out on the ways
-    to the hold and from it, on which the hand is taken out of the object, the table and the other
-    hand.
+    If the `hold` is longer, the correction at these frames applies to all of it. It fades out on
+    the ways to and from the hold, on which the hand is pushed out of the object, the table and the
+    other hand.
     """
     share = _fading(hold, len(hand.wrist))[:, None]
     end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
@@ -176,23 +176,23 @@ def kept_pose(
     fingers = hand.pose[:, 1:] + share[..., None] * (held.pose[:, 1:] - changed.pose[:, 1:])
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
-    # the held pose itself needs no way out, and one next to it only what is left of the change
+    # no push in the held pose itself, and little where most of the correction applies
     out = (1 - share**4) * shifts_out(solids, found, table, other)
     return withdrawn(replace(found, wrist=wrist + out), hold, solids, table, other)
 
 
 def shifts_out_of_table(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
-    """Shifts that take hands out of the table, straight up, metres."""
+    """Upward shifts that take hands out of the table, metres."""
     return table.depth(*hand.spheres).amax(1).clamp(min=0)[:, None] * table.up
 
 
 def shifts_out(
     solids: Solids, hand: HeldHands, table: Table, other: OtherHands | None = None
 ) -> Float[Tensor, "T 3"]:
-    """Shifts that take a hand out of its object, the table and the other hand, smooth over the
-    frames, metres.
+    """Shifts, smooth over time, that take a hand out of its object, the table and the other hand,
+    metres.
 
-    The deepest part of the hand moves along the normal of the surface until none is inside.
+    The hand is moved along the surface normal at its deepest sphere, in `ROUNDS` iterations.
     """
     start, frames = hand.wrist, torch.arange(len(hand.wrist))
     for _ in range(ROUNDS):
@@ -210,7 +210,7 @@ def shifts_out(
 
 
 def _fading(frames: Int[Tensor, " N"], count: int) -> Float[Tensor, " T"]:
-    """1 from the first to the last of some frames, falling to 0 beside them."""
+    """Weights that are 1 from the first to the last of `frames`, and fall to 0 over `FADE` more."""
     time = torch.arange(count, dtype=torch.float32)
     off = torch.maximum(frames[0] - time, time - frames[-1]).clamp(min=0)
     return 1 - minimum_jerk(off / FADE)

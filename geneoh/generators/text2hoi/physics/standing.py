@@ -1,4 +1,4 @@
-"""From a mesh to the object that the networks know: upright on the table, as points."""
+"""From a mesh to the input of the networks: upright on the table, as surface points."""
 
 from dataclasses import dataclass
 
@@ -18,10 +18,10 @@ POINTS = 1024
 LARGEST = 2.0
 """Largest side of an object that hands move, metres."""
 THICKEST = 0.2
-"""Smallest side of an object beyond which hands end up inside, because none was learned, metres."""
+"""Largest thickness (smallest side), metres: no thicker object was learned; hands end up inside."""
 SMALLEST = 0.004
-"""Smallest of its largest sides, metres."""
-NEAREST = 3  # points from which a vertex takes its contact
+"""Least value of an object's largest side, metres."""
+NEAREST = 3  # closest points from which a vertex's contact is interpolated
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class StandingObject:
         return rotation, translation
 
     def on_vertices(self, values: Float[Tensor, " P"]) -> Float[Tensor, " V"]:
-        """Values at the points as values at the vertices of the mesh, from the nearest points."""
+        """Values at the points, interpolated to the mesh's vertices from the closest points."""
         verts = self.mesh.verts @ self.rotation.T + self.shift
         found = [
             torch.cdist(part, self.points).topk(NEAREST, largest=False)
@@ -57,8 +57,8 @@ def stand_on_table(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) ->
     """The mesh with an axis of its frame up, its lowest point on the table, over the origin.
 
     Raises:
-        InputError: the mesh is too large, too thick or too small for hands; it is not in metres
-            then.
+        InputError: the mesh is too large, too thick or too small for hands; perhaps it is not in
+            metres.
     """
     sides = mesh.verts.amax(0) - mesh.verts.amin(0)
     size, thickness = float(sides.amax()), float(sides.amin())

@@ -1,8 +1,7 @@
-"""Hands that come straight to a hold and go straight from it, where they would pass through walls.
+"""Straight ways of a hand to and from a hold, where its sampled way passes through the object.
 
-What a hand reaches around, such as a handle or the edge of a lid, lets it go in some directions
-alone. Of several the one is taken in which the hand stays out of the object, the table and the
-other hand.
+A hand around a handle or the edge of a lid can leave only in some directions. Of several directions
+the one is taken in which the hand penetrates the object, the table and the other hand least.
 """
 
 from itertools import product
@@ -23,12 +22,12 @@ from geneoh.synthesis.motions.schedule import minimum_jerk
 from geneoh.synthesis.shapes.solids import Solids
 
 BACK, OUT = (0.06, 0.12), 12.0
-"""How far a hand may go back from its hold, metres, and in how many frames."""
-JOINED = (20.0, 40.0)  # frames from its hold after which it may be where it was drawn
+"""Distances that a hand may retreat from its hold, metres, and the frames that this takes."""
+JOINED = (20.0, 40.0)  # frames from the hold until the hand is on its sampled way again
 DEEP = 0.006
-"""Depth on the way to a hold or from it above which another way is looked for, metres."""
+"""Penetration depth on the way to or from a hold above which other ways are tried, metres."""
 FORCED = 0.1
-"""What a metre per squared frame counts by which the wrist accelerates, against one of depth."""
+"""Cost of wrist acceleration (metres per squared frame) relative to penetration depth (metres)."""
 
 
 def withdrawn(
@@ -38,8 +37,8 @@ def withdrawn(
     table: Table,
     other: OtherHands | None,
 ) -> HeldHands:
-    """A hand whose ways to a hold, in the frames `hold`, and from it do not pass through its
-    object, the table or the other hand, as far as one can be found; the same where they do not."""
+    """A hand whose ways to the hold (frames `hold`) and from it are the best of those tried, by
+    penetration depth and wrist acceleration; ways that are not deep are kept."""
     frames = torch.arange(len(hand.wrist))
     for end, off in ((hold[0], hold[0] - frames), (hold[-1], frames - hold[-1])):
         way = frames[(off > 0) & (off < JOINED[-1])]
@@ -70,7 +69,7 @@ def depths(
     table: Table,
     other: OtherHands | None,
 ) -> Float[Tensor, " N"]:
-    """How deep hands in some frames are in their objects, the table or the other hand, metres."""
+    """Penetration depth of each hand in its object, the table or the other hand, metres."""
     centers, radii = hands.spheres
     posed = solids.take(frames if len(solids.kind) > 1 else torch.zeros_like(frames), "B")
     depth = radii - posed.signed_distance(centers)
@@ -81,7 +80,7 @@ def depths(
 
 
 def _ways(drawn: HeldHands, held: HeldHands, off: Float[Tensor, " N"]) -> list[HeldHands]:
-    """Hands that go back from a hold in several directions and then join the drawn one."""
+    """Hands that retreat from a hold in several directions and then join the sampled way."""
     found = []
     steps = torch.tensor([-1.0, 0.0, 1.0])
     sides = torch.cartesian_prod(steps, steps, steps)

@@ -1,1 +1,1 @@
-"""What a sentence asks for, and the sentences that networks learn from."""
+"""The meaning of a user's sentence, and the training sentences of the networks."""

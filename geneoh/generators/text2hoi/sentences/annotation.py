@@ -1,4 +1,4 @@
-"""What is done in recordings of H2O, GRAB and ARCTIC, from the labels that come with them.
+"""Labelled actions in recordings of H2O, GRAB and ARCTIC.
 
 Source: Text2HOI, supplement, "Text prompt annotation": the rules for clips and words. Labels are
 read as distributed: H2O has one number a frame (action_label, of camera 4 only), GRAB one intent a
@@ -39,7 +39,7 @@ H2O_LABELS = [(verb, noun) for verb, nouns in _H2O_VERBS.items() for noun in nou
 """Verb and object of the labels 1 to 36; 0 is no action."""
 
 _GRAB_VERBS = {"offhand": "hand over", "switchON": "switch on", "takepicture": "photograph"}
-"""Intents of GRAB that are no plain verbs; "take picture" has no passive with an object."""
+"""Verbs for intents of GRAB that are not plain ones; "take picture" takes no further object."""
 _COMPOUNDS = (
     *("alarm clock", "coffee mug", "frying pan", "game controller", "light bulb", "piggy bank"),
     *("rubber duck", "water bottle", "wine glass", "wrist watch"),  # of GRAB
@@ -47,16 +47,16 @@ _COMPOUNDS = (
 )
 _NOUNS = {noun.replace(" ", ""): noun for noun in _COMPOUNDS}
 _NOUNS |= {"cubemiddle": "cube", "stanfordbunny": "bunny"}
-"""Nouns of objects whose names in the data sets are none."""
+"""Nouns for objects whose names in the data sets are no nouns."""
 _LEFT_OUT = {("write", "notebook"), ("operate", "waffleiron"), ("push", "capsulemachine")}
-"""What the paper leaves out of ARCTIC: too few clips."""
+"""Actions on objects of ARCTIC that the paper leaves out: too few clips."""
 _TYPOS = {"grabing": "grab", "openning": "open", "labtop": "laptop", "graps": "grasp"}
 _LINE = re.compile(r"(\d+)\s*-\s*(\d+)\s+(\w+)\s*,?\s+(left|right|both)(?:\s+(\w+))?,?")
 
 
 @dataclass(frozen=True)
 class Label:
-    """What is done in a stretch of a recording."""
+    """The action in a stretch of a recording."""
 
     verb: str
     noun: str
@@ -72,7 +72,7 @@ def labels_of(source: AnnotatedSource, clip: SourceClip) -> list[Label]:
 
 
 def has_labels(source: AnnotatedSource, clip: SourceClip) -> bool:
-    """Whether a clip is one that labels come with: of H2O, that of camera 4."""
+    """Whether a clip has labels: in H2O only that of camera 4 has."""
     return source != "h2o" or (clip.path / "action_label").is_dir()
 
 
@@ -82,7 +82,7 @@ def label_files(source: AnnotatedSource, clip: SourceClip) -> list[Path]:
 
 
 def h2o_labels(clip: SourceClip) -> list[Label]:
-    """Stretches of one label, of more than 20 frames."""
+    """Stretches of consecutive frames with one label, of more than 20 frames."""
     files = numbered_files(clip.path / "action_label", "*.txt")
     by_frame = sorted((frame, label_in(path)) for frame, path in files.items())
     found: list[Label] = []
@@ -99,7 +99,7 @@ def h2o_labels(clip: SourceClip) -> list[Label]:
 
 
 def label_in(path: Path) -> int:
-    """The number of the action in a frame."""
+    """The label of the action in a frame, 0 for none."""
     value = read_numbers(path, 1).ravel()
     if len(value) != 1 or value[0] not in range(len(H2O_LABELS) + 1):
         raise InputError(
@@ -110,7 +110,7 @@ def label_in(path: Path) -> int:
 
 
 def grab_labels(clip: SourceClip) -> list[Label]:
-    """The frames from the first to the last touch of the object, with the sequence's intent."""
+    """The frames from the first to the last contact, with the sequence's intent as the verb."""
     record = read_record(clip.path)
     name, intent = record.text("obj_name"), record.text("motion_intent")
     touched = np.flatnonzero(contact_labels(record).any(axis=1))

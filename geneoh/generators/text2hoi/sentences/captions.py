@@ -45,8 +45,8 @@ _PLACES: dict[str, tuple[str, ...]] = {
 def captions(verb: str, noun: str, hands: HandsName) -> list[str]:
     """The four phrasings of the paper: plain, gerund, with the hand as subject, passive.
 
-    `verb` is one of `geneoh.synthesis.actions.action.VERBS` or any other, as data sets name them;
-    `noun` goes with its article.
+    `verb` is one of `geneoh.synthesis.actions.action.VERBS` or a verb of a data set; `noun` gets
+    its article here.
     """
     verb = VERB_WORDS.get(verb, (verb,))[0]
     thing, hand = with_article(noun), with_the(hands)
@@ -68,11 +68,11 @@ def caption(
     synonyms: Sequence[str] | None = None,
     giver: Side | None = None,
 ) -> str:
-    """A random sentence for the action: half of them the paper's, the others freer.
+    """A random sentence for the action: half of them in the paper's phrasings, the others freer.
 
-    Hands of None are not named. Of an object that is passed by a hand that is unknown any direction
-    is told. Words that `VERB_WORDS` and `NOUN_WORDS` do not list stand for
-    themselves. `synonyms` for the verb take the place of the listed ones, in all phrasings.
+    If `hands` is None, no hand is named. If an object is passed and `giver` is None, the direction
+    is random. Words that `VERB_WORDS` and `NOUN_WORDS` do not list are used as they are. `synonyms`
+    of the verb replace the listed ones in all phrasings.
     """
     said = one_of(synonyms or VERB_WORDS.get(verb, (verb,)), generator)
     if hands is not None and chance(0.5, generator):
@@ -88,7 +88,7 @@ def caption(
 def _phrased(
     verb: str, noun: str, hands: HandsName | None, tail: str, generator: torch.Generator
 ) -> str:
-    """A free sentence with the verb as it is, without capital."""
+    """A freer phrasing, which keeps the verb, without capital and full stop."""
     base, third, ing, past = forms(verb)
     thing = _described(noun, generator)
     told = "" if hands is None else _told(hands, generator)

@@ -18,7 +18,7 @@ _VALUES = {word: value for value, word in enumerate(_SMALL)}
 _VALUES |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
 _VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarter": 0.25}
 _UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
-"""Frames of each unit; of all others those of a second."""
+"""Frames of each unit; all other units are seconds."""
 _WORD = "|".join((*_VALUES, "hundred"))
 _FRACTION = r"(?:\d{1,3} )?\d{1,3}/[1-9]\d{0,2}"
 _NUMBER = rf"{_FRACTION}|\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
@@ -30,7 +30,7 @@ _STATED = re.compile(
     re.IGNORECASE,
 )
 _NO_LENGTH = re.compile(r"\b(after|every|each|ago|until|the)$", re.IGNORECASE)
-"""Words after which a time is none of the length: "after two seconds"."""
+"""Words after which a time is not the length: "after two seconds"."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
     """A sentence without the length that it states, and that length at 30 frames a second.
 
     Raises:
-        InputError: it states more than one.
+        InputError: the sentence states more than one length.
     """
     found = [match for match in _STATED.finditer(sentence) if _is_length(match)]
     if not found:
@@ -62,7 +62,7 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
 
 
 def _is_length(match: re.Match[str]) -> bool:
-    """Whether a time is the length: "a second cup" and "after two seconds" are none."""
+    """Whether a matched time is the length; in "a second cup" and "after two seconds" it is not."""
     alone = match["number"].lower() in ("a", "an", "one") and match["unit"].lower() == "second"
     before = match.string[: match.start()].rstrip()
     letter = match["unit"] in "sS" and not match["number"][0].isdecimal()
@@ -70,7 +70,7 @@ def _is_length(match: re.Match[str]) -> bool:
 
 
 def number_of(text: str) -> float:
-    """The number that digits or words say: "2.5", "1 1/2", "two and a half", "a hundred"."""
+    """The number in digits or words: "2.5", "1 1/2", "two and a half", "a hundred"."""
     if text[0].isdecimal():
         return float(sum(Fraction(part) for part in text.replace(",", ".").split()))
     words = [word for word in re.split(r"[ -]", text.lower()) if word not in ("and", "of")]

@@ -1,4 +1,4 @@
-"""English words beyond those of made actions: other verbs, everyday things, small words."""
+"""English words beyond those of synthetic actions: other verbs, everyday things, small words."""
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -42,7 +42,7 @@ OTHER_VERBS: dict[str, tuple[str, ...]] = {
     "hang": ("put down", "hang", "hang up", "suspend"),
     "weigh": ("inspect", "weigh", "measure", "compare", "feel", "show", "present"),
 }
-"""Verbs that no made action shows: the nearest verb that one does show, then their words."""
+"""Verbs without synthetic actions: for each the nearest verb that has some, then its synonyms."""
 
 THINGS = _words("""
     airplane alarm ant anvil apple arrow axe bag bagel balloon banana banknote basket bat
@@ -68,7 +68,7 @@ THINGS = _words("""
     wire wrench xylophone yarn yogurt zipper capsule machine ketchup espressomachine phone
     box notebook knife alarmclock flashlight train
 """)
-"""Nouns of everyday things, so that words that no made action uses are words all the same."""
+"""Nouns of everyday things, so that words outside the synthetic actions are known as well."""
 
 SMALL_WORDS = frozenset(
     _words("""

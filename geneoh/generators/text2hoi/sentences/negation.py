@@ -1,4 +1,4 @@
-"""What a sentence rules out: "without the left hand", "neither hand", "the left hand rests"."""
+"""Hands and verbs that a sentence rules out: "without the left hand", "the left hand rests"."""
 
 import re
 
@@ -31,11 +31,11 @@ _NO_HAND = re.compile(rf"\bneither{_USE} hands?\b|\b{_NOT}(?:{_USE}| both)* (?:h
 NEGATIONS = frozenset(("not", "no", "never", "without", "avoid", "avoiding", "dont", "cannot"))
 """Words that rule out the verb that follows, beside those that end in n't."""
 BETWEEN = frozenset(("to", "be", "being", "ever", "even", "just", "actually", "really", "please"))
-"""Words that may stand before that verb."""
+"""Words that may stand between such a word and its verb."""
 
 
 def without_ruled_out(said: str) -> tuple[str, frozenset[Side]]:
-    """Words of a sentence without the hand that they rule out or let rest, and its side."""
+    """The sentence without phrases that rule out a hand or let it rest, and the hands' sides."""
     sides: set[Side] = set()
     for pattern in (_HAND, _BARE, _KEPT, _RESTING):
         for match in pattern.finditer(said):
@@ -47,13 +47,13 @@ def without_ruled_out(said: str) -> tuple[str, frozenset[Side]]:
 
 
 def no_hand_in(said: str) -> str:
-    """The words that rule out every hand; empty without."""
+    """The words that rule out every hand; empty if there are none."""
     match = _NO_HAND.search(said)
     return match[0] if match else ""
 
 
 def rules_out(words: list[str], index: int) -> int:
-    """How many words from a place on rule out the verb after them; 0 for none."""
+    """The number of words from `index` on that rule out the verb after them; 0 for none."""
     word, after = words[index], words[index + 1 : index + 2]
     if (word, *after) in (("instead", "of"), ("rather", "than")):
         return 2

@@ -1,4 +1,4 @@
-"""Verbs whose outcome says what is done: "flip the lid open" opens it, "twist the cap off" too."""
+"""Verbs that open or close by their outcome, as in "flip the lid open" and "twist the cap off"."""
 
 import re
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import VERB_WORDS
 
 DETERMINERS = ("a", "an", "the", "this", "that", "my", "your", "his", "her", "its", "our", "their")
-"""Words after which "open" and "closed" tell an object and no outcome: "pull the open drawer"."""
+"""Words after which "open" and "closed" are adjectives and no outcome: "pull the open drawer"."""
 _REMOVE, _ATTACH = ("remove", "unscrew", "detach"), ("put", "set", "place", "screw", "snap", "pop")
 _TURN = ("turn", "twist")
 _MOVE = (
@@ -39,15 +39,15 @@ _PATTERNS = (
     (rf"{_any_of((*_ATTACH, *_TURN))}{_LID}(?: back)? on{_IN_PLACE}", "close"),
     (rf"{_any_of((*_ATTACH, *_TURN))}(?: back)? on{_LID}\b", "close"),
 )
-"""What opens or closes; all but the first are of an object of two parts alone."""
+"""Patterns and the verbs that they mean ("": by the outcome); all but the first need two parts."""
 
 
 def outcomes_as_verbs(words: Sequence[str], *, jointed: bool) -> list[str]:
-    """Words of a sentence with "open" and "close" for verbs whose outcome that is.
+    """Words of a sentence with "open" and "close" in place of verbs that have this outcome.
 
-    "Flip the lid open" is "open the lid". What takes a lid off, or puts it on, is read so where
-    the object is `jointed`: a lid by itself is lifted or put down. Phrases that `VERB_WORDS` lists,
-    such as "push shut", stay.
+    "Flip the lid open" becomes "open the lid". Verbs that take a lid off or put it on are replaced
+    only if the object is `jointed`: a separate lid is lifted or put down. Phrases that `VERB_WORDS`
+    lists, such as "push shut", stay.
     """
     said = " ".join(words)
     for pattern, verb in _PATTERNS if jointed else _PATTERNS[:1]:
@@ -56,7 +56,7 @@ def outcomes_as_verbs(words: Sequence[str], *, jointed: bool) -> list[str]:
 
 
 def _with_outcome(match: re.Match[str], verb: str) -> str:
-    """The words of a match with the verb of its outcome in the same form."""
+    """The words of a match with the verb of its outcome, in the same inflected form."""
     moves, outcome = match["verb"], match.groupdict().get("outcome")
     if outcome:
         verb = "open" if outcome == "open" else "close"

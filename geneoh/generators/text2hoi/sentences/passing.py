@@ -1,7 +1,7 @@
 """Objects that one hand passes to the other: which hand gives, in words and in motion.
 
-The shipped networks do not hear the direction in a sentence, but half of what they draw goes each
-way; so of several draws those that go as the sentence says are kept (`sample_actions`).
+The shipped networks ignore the direction in a sentence, and half of their samples go each way. So
+samples in the direction that the sentence names are preferred (`sample_actions`).
 """
 
 import re
@@ -23,7 +23,7 @@ _FROM_ONE = re.compile(rf"\bfrom {MY}(left|right)(?: (?:hand|one)\b|$)")
 
 
 def asked_giver(words: str) -> Side | None:
-    """The hand from which lower-case words want an object passed to the other; None if not said."""
+    """The hand that gives the object by the lower-case words of a sentence; None if unnamed."""
     if found := _FROM.search(words) or _TO_OTHER.search(words):
         return _side(found)
     if found := _TO.search(words):
@@ -33,15 +33,15 @@ def asked_giver(words: str) -> Side | None:
 
 
 def givers(actions: Actions) -> list[Side | None]:
-    """The hand that touches the object earlier in each clip, None where neither is; see `leads`."""
+    """The hand that touches the object earlier in each clip, or None for neither; see `leads`."""
     return ["left" if lead > 0 else "right" if lead < 0 else None for lead in leads(actions)]
 
 
 def leads(actions: Actions) -> Float[Tensor, " B"]:
     """Frames by which the left hand touches the object earlier than the right one does.
 
-    The time of a hand is the mean over the frames in which it touches the object; 0 where a hand
-    never does.
+    The time of a hand is the mean over the frames in which it touches the object. The result is 0
+    if a hand never does.
     """
     touching = touching_hands(actions).double()
     frames = torch.arange(touching.shape[2], dtype=torch.float64)
@@ -50,10 +50,10 @@ def leads(actions: Actions) -> Float[Tensor, " B"]:
 
 
 def passed_by(actions: Actions, asked: Sequence[Side | None], draws: int = 1) -> Bool[Tensor, " B"]:
-    """Whether the hand that is asked for gives the object in each clip; true where none is.
+    """Whether the requested hand gives the object in each clip; true where none is requested.
 
-    Of `draws` neighbours those alone fit in which it leads by half of the most, so that what both
-    hands hold nearly alike does not count where there is better.
+    Of `draws` consecutive samples only those pass whose lead is at least half of the largest one:
+    an object that both hands hold at nearly the same time is rejected if there is a clearer sample.
     """
     sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in asked])
     told, lead = sign.nonzero()[:, 0], torch.zeros(len(sign), dtype=torch.float64)

@@ -1,4 +1,4 @@
-"""What a user's sentence asks for: the hands, and the verb as far as it is known."""
+"""The meaning of a user's sentence: hands, verb, length and giving hand."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from geneoh.synthesis.actions.action import VERBS
 EXAMPLE = '"pour from the kettle with the right hand"'
 
 JOINTED = ("open", "close")
-"""Verbs that were learned from objects of two parts."""
+"""Verbs whose training data have objects of two parts."""
 _SIDES = rf"{MY}(left|right)( hand)?"
 _BOTH = re.compile(
     rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
@@ -44,35 +44,35 @@ _ONE: dict[HandsName, re.Pattern[str]] = {
 _NO_VERB_AFTER = frozenset(
     ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
 )
-"""Words that no verb follows: what looks like one is a noun there."""
+"""Words that no verb follows: a word after them that looks like a verb is a noun."""
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """A sentence, and what it asks for."""
+    """A sentence and its meaning."""
 
     sentence: str
     hands: HandsName
     verb: str
-    """Of `geneoh.synthesis.actions.action.VERBS`: the one that is named, or the nearest."""
+    """Of `geneoh.synthesis.actions.action.VERBS`: the verb of the sentence, or the nearest one."""
     known: bool
-    """Whether made actions show the verb that the sentence names."""
+    """Whether the verb that the sentence names is one of synthetic actions."""
     notes: tuple[str, ...]
-    """What was assumed, a sentence each, for the user."""
+    """Assumptions, one sentence each, for the user."""
     told: str
-    """The sentence for the networks: without its length and what it rules out."""
+    """The sentence for the networks, without its length and without what it rules out."""
     frames: int | None
-    """The length that it states, at 30 frames a second; None without."""
+    """The length that the sentence states, at 30 frames a second; None if it states none."""
     giver: Side | None
     """The hand that passes the object to the other; None where either may."""
 
 
 def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) -> Prompt:
-    """What a sentence asks for, by its words first and then by our text encoder.
+    """The meaning of a sentence, by its words first and then by our text encoder.
 
-    A verb that no made action shows is replaced by the nearest one, and a sentence that names no
-    hand gets the right one, or both to pass something; `notes` say so. `frames` is the length that
-    the caller asks for, which counts more than one in the sentence.
+    A verb without synthetic actions is replaced by the nearest one that has some, and a sentence
+    that names no hand gets the right one, or both to pass something; `notes` report this. `frames`
+    is a length that overrides one in the sentence.
 
     Raises:
         InputError: the text is empty, too long or not English, contradicts itself in the hands,
@@ -105,7 +105,7 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
 def without_ruled_out_verbs(
     sentence: str, words: Sequence[str]
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Words without the verbs that they rule out, and a note on each; another one must be left."""
+    """Words without ruled out verbs, and a note on each; `InputError` if no verb is left."""
     kept, left_out = list(words), []
     for index in reversed(range(len(words))):
         start = index + rules_out(kept, index)
@@ -127,7 +127,11 @@ def starts_with_verb(words: Sequence[str]) -> bool:
 
 
 def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side]) -> list[str]:
-    """Words with the hand that is left where they rule out the other one and name none."""
+    """Words, with the other hand added if they rule out one hand and name none.
+
+    Raises:
+        InputError: they rule out both hands, or a hand that they also name.
+    """
     said, found = " ".join(words), ""
     if len(ruled_out) == len(SIDES):
         found = "neither of the two"
@@ -143,7 +147,7 @@ def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side])
 
 
 def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[str, ...]]:
-    """The verb of made actions, whether the sentence names it, and notes."""
+    """The verb of synthetic actions that is meant, whether the sentence names it, and notes."""
     named, meant, model = named_verbs(words), words, shipped_model()
     if not named:
         meant = as_meant(words)
@@ -174,8 +178,8 @@ def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[st
 def named_verbs(words: Sequence[str]) -> dict[str, str]:
     """Verbs of `text_data.WORDS` that words name, with the words that name them.
 
-    A longer phrase hides a shorter one in it: "put in" is no "put". The particle of a phrase may
-    follow later in the sentence.
+    A longer phrase takes precedence over a shorter one in it ("put in" over "put"). The particle of
+    a phrase may follow later in the sentence.
     """
     found: dict[str, str] = {}
     for start, word in enumerate(words):
@@ -192,7 +196,7 @@ def named_verbs(words: Sequence[str]) -> dict[str, str]:
 
 
 def _follows(particle: str, words: Sequence[str]) -> bool:
-    """Whether a particle is among words and tells no object, as in "the open drawer"."""
+    """Whether a particle is among words, and not as an adjective as in "the open drawer"."""
     before = ("", *words)
     return any(w == particle and before[n] not in DETERMINERS for n, w in enumerate(words))
 
@@ -224,7 +228,7 @@ def asked_hands(
 
 @cache
 def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
-    """All forms of all words of verbs by their first word, longest first, each with its verb."""
+    """All inflected verb phrases by their first word, longest first, each with its verb."""
     found: dict[str, list[tuple[str, str]]] = {}
     for verb, words in WORDS.items():
         for phrase in (form for word in (*words, verb) for form in forms(word)):
@@ -234,7 +238,7 @@ def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
 
 
 def as_meant(words: Sequence[str]) -> list[str]:
-    """Words of which misspelt ones are replaced by those that they resemble."""
+    """Words with misspelt ones replaced by the known words that they resemble."""
     return [nearest_word(word, known_words()) or word for word in words]
 
 

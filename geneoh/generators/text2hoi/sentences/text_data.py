@@ -1,4 +1,4 @@
-"""Sentences that the text encoder learns from, with what they mean."""
+"""Training sentences of the text encoder, with their meanings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ VERB_CLASSES: tuple[str, ...] = (*VERBS, *OTHER_VERBS)
 HANDS_CLASSES: tuple[HandsName | None, ...] = (*HANDS, None)  # None: the sentence names no hand
 NOUN_CLASSES: tuple[str, ...] = (*NOUN_WORDS, "")  # the last one: any other noun
 CLASSES = {"verbs": VERB_CLASSES, "hands": HANDS_CLASSES, "nouns": NOUN_CLASSES}
-"""What each head of the encoder tells apart."""
+"""The classes of each head of the encoder."""
 WORDS: dict[str, tuple[str, ...]] = VERB_WORDS | {v: w[1:] for v, w in OTHER_VERBS.items()}
 """Words of every class of verbs."""
 
@@ -30,7 +30,7 @@ WITHHELD = frozenset(
     {"hoist", "deposit", "relocate", "shove", "swivel", "decant", "tilt over", "shake up"}
     | {"observe", "push down", "open up", "fold up", "pass over"}
 )
-"""A synonym of each verb that is kept from training, to measure unseen ones."""
+"""One synonym of each verb that is withheld from training, to measure unseen ones."""
 SEEN = {verb: tuple(w for w in words if w not in WITHHELD) for verb, words in WORDS.items()}
 UNSEEN = {verb: tuple(w for w in words if w in WITHHELD) for verb, words in VERB_WORDS.items()}
 UNSEEN_PHRASINGS = (
@@ -40,7 +40,7 @@ UNSEEN_PHRASINGS = (
     "show me how to {verb} {noun} if only {hands} may be used",
     "the action is {ing} {noun} and the actor is {hands}",
 )
-"""Phrasings that no caption has, to measure with."""
+"""Phrasings that no training caption has, for validation."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Sentences(Bundle):
 
 
 def vocabulary(pieces: int, *, generator: torch.Generator) -> Tokenizer:
-    """The pieces learned on captions and word lists."""
+    """A tokenizer of at most `pieces` pieces, learned on captions and word lists."""
     verbs = [form for words in SEEN.values() for word in words for form in forms(word)]
     listed = [*verbs, *THINGS, *sorted(SMALL_WORDS)] * 5
     said = [
@@ -65,7 +65,7 @@ def vocabulary(pieces: int, *, generator: torch.Generator) -> Tokenizer:
 
 
 def meaning(generator: torch.Generator) -> tuple[str, str, HandsName | None]:
-    """A random verb, noun and hands; two of three verbs are those of made actions."""
+    """A random verb, noun and hands; two of three verbs are those of synthetic actions."""
     verb = one_of(VERBS if chance(0.67, generator) else tuple(OTHER_VERBS), generator)
     noun = one_of(tuple(NOUN_WORDS) if chance(0.7, generator) else THINGS, generator)
     hands = None if chance(0.1, generator) else one_of(HANDS, generator)
@@ -98,8 +98,8 @@ def draw_sentences(
 
 
 def disturbed(sentence: str, *, generator: torch.Generator) -> str:
-    """The marked words of a sentence: now and then a word is misspelt, cut into other pieces, or
-    a small word lost, so that no single piece is relied on."""
+    """The marked words of a sentence, some of them misspelt, cut in two or, if small, dropped, so
+    that the encoder relies on no single piece."""
     words = words_of(sentence)
     if chance(0.15, generator):
         words = misspelt(words, generator=generator)
