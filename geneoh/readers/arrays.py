@@ -30,9 +30,9 @@ from geneoh.sequence.validation import check_sequence
 
 FIELDS = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model", "timestamps", "frame_ids")
 MESH_NAMES = ("obj", "object", "mesh")
-"""What callers may call the meshes, where they go as `meshes`."""
+"""Wrong names under which callers may pass `meshes`."""
 NAMES = (*FIELDS, *CLOCK_NAMES)
-"""What the arrays can be called, other names of times included."""
+"""All names of arrays, including other names of timestamps."""
 
 
 @checked_call
@@ -52,23 +52,23 @@ def from_arrays(
 
     Args:
         fps: frames a second; not needed beside times such as `timestamps`.
-        meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of them;
-            None or nothing cleans the hand alone.
-        source: what messages call the sequence.
-        arrays: the fields of the file format by name. Of each hand `right_joints` (T, 21, 3), world
-            frame, metres, OpenPose order, or `right_pose` (T, 16, 3), absolute axis-angle in
-            radians, with `right_wrist` (T, 3), metres; further `right_valid` (T,),
-            `right_confidence` (T, 21), 0 to 1, `right_betas` (10,), and the same with `left_`;
-            `hand_model`, whose betas they are. Frames with NaN count as not observed. Of the object
-            `object_rotation` and `object_translation`, which take its points to the world. Of hands
-            that were estimated from images `camera_position` (3,) or `camera_ray` (3,), the
-            direction from the camera, both in the world, or one for each frame. `timestamps` (T,)
-            in seconds or as numpy's dates, or `frame_ids` (T,) beside `fps`, where frames were left
-            out or are not evenly apart; they are brought to an even rate.
+        meshes: meshes of the object in metres, one per rigid part: a mesh, its file, or a list of
+            them; without any, the hand is cleaned alone.
+        source: name of the sequence in messages.
+        arrays: the fields of the file format by name. For each hand `right_joints` (T, 21, 3),
+            world frame, metres, OpenPose order, or `right_pose` (T, 16, 3), absolute axis-angle in
+            radians, with `right_wrist` (T, 3), metres; optional are `right_valid` (T,),
+            `right_confidence` (T, 21), 0 to 1, and `right_betas` (10,); the same with `left_`.
+            `hand_model` names the model of the betas. Frames with NaN count as not observed. For
+            the object `object_rotation` and `object_translation`, object to world. For hands that
+            were estimated from images `camera_position` or `camera_ray`, the direction from the
+            camera, (3,) or (T, 3), in the world frame. If frames were dropped or are uneven,
+            `timestamps` (T,), seconds or numpy dates, or `frame_ids` (T,) beside `fps`; the frames
+            are then resampled to an even rate.
 
     Raises:
-        InputError: an array has another shape than these, a name is none of these, or the numbers
-            can be no interaction; the message says which and what to do.
+        InputError: an array has a wrong shape, a name is unknown, or the numbers cannot be an
+            interaction; the message says which and what to do.
     """
     loaded = meshes_of(meshes)
     for name in arrays:
@@ -91,7 +91,7 @@ def from_arrays(
 
 
 def meant(name: str) -> str:
-    """What a name that is no field of a sequence may stand for, as the end of a message."""
+    """The name that an unknown field name probably stands for, as the end of a message."""
     if name in MESH_NAMES:
         return "did you mean 'meshes'?"
     sided = [each for side in SIDES if (each := f"{side}_{name}") in OWN_FIELDS]
@@ -102,7 +102,7 @@ def meant(name: str) -> str:
 
 
 def check_times(record: Record) -> None:
-    """Refuse times that are not one number or date a frame; a file may hold those of others."""
+    """Refuse timestamps that are not one number or date per frame; in a file they are skipped."""
     values = dict(record.values) | dates_in(record)
     names = [own_names(side)[name] for side in SIDES for name in ("joints", "pose")]
     frames = next((length_of(values[name]) for name in names if name in values), 0)
@@ -116,7 +116,7 @@ def check_times(record: Record) -> None:
 
 
 def array_of(value: Any) -> Any:
-    """A tensor, an array or nested lists as a numpy array; uneven lists as they are."""
+    """A tensor, an array or nested lists as a numpy array; ragged lists unchanged."""
     if isinstance(value, Tensor):
         # numpy has no bfloat16
         value = value.float() if value.dtype == torch.bfloat16 else value

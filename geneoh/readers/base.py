@@ -1,4 +1,4 @@
-"""What a reader is given and gives: the caller's options in, recordings out."""
+"""Data types that readers share: the caller's options, the parts of a clip, and recordings."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ from geneoh.sequence.windows import runs
 
 @dataclass(frozen=True)
 class ReaderOptions:
-    """What the caller knows and a source leaves open."""
+    """Options by which the caller supplies what a source's files leave open."""
 
     mano_dir: Path | None = None
     """Folder of the user's MANO files."""
@@ -38,17 +38,17 @@ class ReaderOptions:
     object_pose: ObjectPoses | None = None
     """Poses of the object, for sources without any."""
     side: Side | None = None
-    """The hand to read; for files that do not say it, the hand that they hold."""
+    """The hand to read; for files that do not name a side, the side of the hand in them."""
     fps: float | None = None
-    """Frames a second, instead of the source's own."""
+    """Frames a second, in place of the source's own frame rate."""
     joint_order: JointOrder = "openpose"
     """Order of a bare array of keypoints."""
     keypoint_unit: Unit | None = None
     """Unit of a bare array of keypoints, by default metres."""
     translation: Translation | None = None
-    """What the translation of a bare parameter array moves: the wrist, or MANO's origin."""
+    """Point that the translation of a bare parameter array places: the wrist, or MANO's origin."""
     swap_parts: bool = False
-    """The poses of an articulated object's two parts are stored in the other order than usual."""
+    """Whether the poses of an articulated object's two parts are stored in reversed order."""
     mean_pose: bool | None = None
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
@@ -68,20 +68,20 @@ class ReaderOptions:
             )
 
     def mano(self, side: Side, left_hand: ManoName = AS_SHIPPED) -> Mano | None:
-        """One side of the user's MANO, where there are files of it."""
+        """The user's MANO model of one side; None without `mano_dir`."""
         return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
 
 
 MOVES = 0.03
-"""Metres from its usual place beyond which an object was handled."""
+"""Distance in metres from its median position beyond which an object counts as moved."""
 
 OF_SOME = (*OF_SOURCES, "object_pose", "joint_order", "keypoint_unit")
-"""Options that mean something for some sources only; each reader says which it takes."""
+"""Options that only some sources accept; each reader lists those that it accepts."""
 
 
 @dataclass(frozen=True)
 class SourceClip:
-    """One clip that was found: a name for what is made from it, and its file or folder."""
+    """One clip of a source: the name for its outputs, and its file or folder."""
 
     name: str
     path: Path
@@ -92,11 +92,11 @@ class ManoConvention:
     """How a source uses MANO."""
 
     translation: Translation
-    """What its translation moves: the wrist, or the origin of the model (x = LBS + t)."""
+    """Point that the translation places: the wrist, or the origin of the model (x = LBS + t)."""
     mean_added: bool = False
-    """Whether MANO's mean pose has to be added to its poses (flat_hand_mean=False)."""
+    """Whether MANO's mean pose has to be added to the stored poses (flat_hand_mean=False)."""
     left_hand: ManoName = AS_SHIPPED
-    """The left hand that its betas belong to."""
+    """The variant of MANO's left hand that the betas belong to; see `geneoh.hand.mano`."""
 
 
 WRIST, ORIGIN = ManoConvention("wrist"), ManoConvention("origin")
@@ -116,11 +116,11 @@ class ManoParameters:
     joints: Array | None = None
     """(T, 21, 3) stored keypoints in OpenPose order, in the frame of `translation`."""
     confidence: Array | None = None
-    """(T, 21) trust in each keypoint, from 0 to 1."""
+    """(T, 21) confidence of each keypoint, from 0 to 1."""
     template: Array | None = None
     """(778, 3) the person's own mesh in the rest pose, which replaces the betas."""
     to_world: Array | None = None
-    """(T, 4, 4) from the frame of reference of the numbers to that of the sequence."""
+    """(T, 4, 4) from the frame of these parameters to the world frame of the sequence."""
 
     @property
     def frames(self) -> int:
@@ -130,15 +130,15 @@ class ManoParameters:
 
 @dataclass(frozen=True)
 class CrossChecks(Bundle):
-    """What a source states twice, in the frame of the sequence, metres: `convert --check` compares
-    it (`geneoh.readers.checks.convention`)."""
+    """Redundant data of a source, in metres in the world frame of the sequence, with which
+    `convert --check` compares what was read (`geneoh.readers.checks.convention`)."""
 
     joints: dict[Side, Shaped[Array, "T 21 3"]] = field(default_factory=dict)
     """Stored keypoints in OpenPose order, NaN where there are none."""
     rim: dict[Side, Shaped[Array, "T 3"]] = field(default_factory=dict)
     """A point of the stored hand mesh that moves rigidly with the wrist."""
     tolerance: float = 0.005
-    """Metres that stored keypoints may be off: more where they are a separate annotation."""
+    """Largest error of stored keypoints in metres; larger where they were annotated separately."""
     object_points: tuple[Shaped[Array, "T P 3"], Shaped[Array, "T P 3"]] | None = None
     """Stored points of the moved object, and the same ones from its mesh and pose."""
     contradictions: tuple[str, ...] = ()
@@ -146,46 +146,46 @@ class CrossChecks(Bundle):
 
 
 def stated(side: Side, points: Array | None) -> dict[Side, Array]:
-    """The stored points of one hand, where there are any."""
+    """The stored points of one hand by its side; empty where there are none."""
     return {} if points is None else {side: points}
 
 
 @dataclass(frozen=True)
 class ClipParts:
-    """Hands and one object as a source has them: what a sequence is made from."""
+    """Hands and one object as a source stores them, from which a sequence is built."""
 
     source: str
-    """The source and its name of the clip, as `Sequence.source` begins."""
+    """Source and clip, with which `Sequence.source` begins."""
     hands: list[ManoParameters] | list[HandTrack]
     """As the source stores them; those that were not observed in any frame are left out."""
     meshes: dict[str, Mesh] = field(default_factory=dict)
     """One mesh in metres for each part of the object, by the name of its file."""
     motion: Array | None = None
-    """(T, 4, 4) or (T, Q, 4, 4) object to world in metres, NaN where it is not known; None for a
-    source without an object, which takes the caller's."""
+    """(T, 4, 4) or (T, Q, 4, 4) object to world in metres, NaN where unknown; None for a source
+    without an object, for which the caller's poses are used."""
     stated: ObjectTrack | None = None
-    """The object's track, with the caller's meshes, where a source without an object has files that
-    may hold it all the same."""
+    """The object's track, with the caller's meshes, where a source that usually has no object
+    stores one."""
     name: str = ""
-    """Of the recording, by default the clip's."""
+    """Name of the recording, by default the clip's."""
     fps: float | None = None
-    """Frames a second, where they are not those of all clips of the source."""
+    """Frames a second, where the clips of the source differ in it."""
     notes: Notes = ()
-    """What had to be assumed, in words."""
+    """Assumptions that were made, as sentences."""
     cross_checks: CrossChecks = field(default_factory=CrossChecks)
     object_known: Array | None = None
-    """(T,) the frames to keep, by default those in which the motion is known."""
+    """(T,) mask of the frames to keep, by default those in which the motion is known."""
     after_jump: Array | None = None
-    """(T,) frames that do not follow in time from the one before them."""
+    """(T,) mask of the frames that do not directly follow the previous one in time."""
     first: int = 0
     """Number that the source gives its first frame."""
     stamps: Record | None = None
-    """What a file says of when the frames were taken, which may be uneven; in place of `fps`."""
+    """Fields with the times or numbers of the frames, which may be uneven; they replace `fps`."""
     convention: ManoConvention | None = None
-    """How the source uses MANO, where that is not the same in all of its clips."""
+    """How this clip uses MANO, where the clips of the source differ in it."""
     camera: Place | Array | None = None
-    """Position of the camera from whose images the hands were estimated, or (T, 3) positions of one
-    that moves, metres, world, where known."""
+    """Position of the camera whose images the hands were estimated from, or (T, 3) positions of a
+    moving one, metres, world; None where unknown."""
 
     @property
     def frames(self) -> int:
@@ -194,12 +194,12 @@ class ClipParts:
 
 
 Parts = Iterator[ClipParts]
-"""What a source gives of one clip: its interactions."""
+"""The interactions in one clip of a source."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One sequence that was read, with the names of its meshes for files of their own."""
+    """One sequence, with the names under which its meshes are written to files."""
 
     name: str
     sequence: Sequence
@@ -208,9 +208,9 @@ class Recording:
 
 
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
-    """What is at or below a path and is named as a file ("*.npz") or a folder ("meta/"), sorted.
+    """Sorted paths at or below `path` that match a pattern of files ("*.npz") or folders ("meta/").
 
-    The name of the path itself may be in capitals.
+    The name of `path` itself is matched regardless of case.
     """
     refuse_missing(path)
     name, folders = pattern.rstrip("/"), pattern.endswith("/")
@@ -221,30 +221,30 @@ def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
 
 
 def clip_name(path: Path, parts: int) -> str:
-    """The last parts of a path without ending, fit for a file name."""
+    """The last `parts` components of a path, without the ending, as a name for files."""
     words = [*path.resolve().parts[-parts:-1], path.name.split(".")[0]]
     return "/".join(map(fit_for_name, words))
 
 
 def fit_for_name(text: str) -> str:
-    """A text whose signs all systems take in names of files."""
+    """The text for a file name: characters other than letters, digits and -_+ become "_"."""
     return "".join(c if c.isalnum() or c in "-_+" else "_" for c in text)
 
 
 def ancestor(path: Path, levels: int) -> Path:
-    """The folder so many levels above a path; the topmost one where there are fewer."""
+    """The folder `levels` above a path, or the topmost one where there are fewer levels."""
     return [path, *path.parents][min(levels, len(path.parents))]
 
 
 def finite_frames(values: Array) -> Array:
-    """(T,) whether all numbers of a frame are finite."""
+    """(T,) mask of the frames whose numbers are all finite."""
     return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
 def moving_objects(motions: Mapping[str, Array]) -> list[str]:
-    """The names of the objects that leave their place, by their (T, 4, 4) poses in metres.
+    """Names of the objects that move by more than `MOVES`, from their (T, 4, 4) poses in metres.
 
-    Of a table full of things only some are handled. Where none moves, all that have poses.
+    Most objects on a table are never handled. If none moves, all that have poses are returned.
     """
     known = {name: motion[finite_frames(motion), :3, 3] for name, motion in motions.items()}
     known = {name: places for name, places in known.items() if len(places)}
@@ -257,7 +257,7 @@ def moving_objects(motions: Mapping[str, Array]) -> list[str]:
 
 
 def stretches(present: Array, after_jump: Array | None) -> list[slice]:
-    """The longest stretches of (T,) frames that are all `present`, cut before each jump in time."""
+    """The longest runs of frames in the mask `present`, cut before each jump in time."""
     jumps = [] if after_jump is None else np.flatnonzero(after_jump).tolist()
     found = []
     for run in runs(present):

@@ -1,6 +1,6 @@
 """Poses of one object as the BOP benchmark writes them: `scene_gt.json`, and results as a table.
 
-Both are from the object's frame to the camera's, in millimetres, by the numbers of images.
+Both map from the object's frame to the camera's, in millimetres, and number the images.
 """
 
 import csv
@@ -19,7 +19,7 @@ COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t")
 """Columns of a table of results, `R` of nine and `t` of three numbers with spaces between them;
 `time` may follow."""
 FIELDS = ("frame", *(f"R[{at}]" for at in range(9)), "t.x", "t.y", "t.z")
-"""The numbers of a row of `rows_of_results`."""
+"""Columns of the array from `rows_of_results`."""
 
 
 def pose_of_image(value: Any, path: Path) -> Any:
@@ -41,9 +41,9 @@ def are_results(heading: str) -> bool:
 
 
 def rows_of_results(lines: Iterable[str], path: Path) -> Array:
-    """(N, 13) `FIELDS` of the poses in a table of results, metres, in the order of the images.
+    """(N, 13) `FIELDS` of the poses in a table of results, metres, sorted by image.
 
-    Of several poses in an image it is the one with the highest score.
+    Of several poses in an image the one with the highest score is taken.
     """
     rows = list(csv.DictReader(lines, restval="", skipinitialspace=True))
     found = {(row["scene_id"], row["obj_id"]) for row in rows}

@@ -1,6 +1,6 @@
-"""Tracks and sequences out of a source's numbers, by the source's convention.
+"""Build tracks and sequences from a source's numbers, following the source's convention.
 
-Numbers stay float64 in numpy until here, so that units and frames cost no accuracy.
+Numbers stay float64 in numpy until here, so that changes of unit and frame lose no accuracy.
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,11 +26,11 @@ from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 OPENPOSE_FROM_MANO = ORDERS["mano"].entries
-"""OpenPose's keypoint i is number OPENPOSE_FROM_MANO[i] of a list of MANO's 16 joints followed by
-the tips of thumb, index, middle, ring and pinky: the order of ARCTIC and HO-3D."""
+"""Index of each OpenPose keypoint in the order of ARCTIC and HO-3D: MANO's 16 joints, then the tips
+of thumb, index, middle, ring and pinky."""
 
 CHAINS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
-"""Finger joints of each hand among the 30 of a body."""
+"""Slice of each hand among the 30 finger joints of a body."""
 
 NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
 
@@ -38,7 +38,7 @@ NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl
 def mano_track(
     numbers: ManoParameters, convention: ManoConvention, options: ReaderOptions, where: str
 ) -> tuple[HandTrack, Notes]:
-    """A track from MANO parameters, with keypoints where they can be had, and what was assumed."""
+    """A track from MANO parameters, with keypoints if stored or computed by MANO; and notes."""
     refuse_other_lengths(where, numbers)
     mano = options.mano(numbers.side, convention.left_hand)
     if mano is None and convention.mean_added:
@@ -65,7 +65,7 @@ def mano_track(
 def mano_of_coefficients(
     options: ReaderOptions, side: Side, where: str, left_hand: ManoName = AS_SHIPPED
 ) -> Mano:
-    """The user's MANO, without which coefficients of its components are no pose."""
+    """The user's MANO, to decode PCA coefficients into a pose; `InputError` without MANO files."""
     mano = options.mano(side, left_hand)
     if mano is None:
         raise InputError(f"{where}: the pose is coefficients of MANO's components, {NO_MANO}")
@@ -75,7 +75,7 @@ def mano_of_coefficients(
 def hand_of_rows(
     record: Record, name: str, side: Side, rows: Array, betas: Array, mano: Mano
 ) -> ManoParameters:
-    """One hand, in absolute pose, of a field's (T, 51) orientations, coefficients, translations."""
+    """One hand in absolute pose, from (T, 51) rows: orientation, PCA coefficients, translation."""
     fingers = pose_of_coefficients(record, name, rows[:, 3:48], mano, add_mean=True)
     pose = np.concatenate([rows[:, :3], fingers], axis=1)
     return ManoParameters(side, pose, rows[:, 48:], betas)
@@ -97,7 +97,7 @@ def refuse_other_lengths(where: str, numbers: ManoParameters) -> None:
 def _wrist_of(
     numbers: ManoParameters, convention: ManoConvention, mano: Mano | None, betas: Array
 ) -> tuple[Array, Notes]:
-    """(T, 3) the wrist, exact with the model or stored keypoints, else that of the mean hand."""
+    """(T, 3) wrist positions: exact with MANO or stored keypoints, else with the mean hand's J0."""
     if convention.translation == "wrist":
         return numbers.translation, ()
     if mano is not None:
@@ -117,9 +117,9 @@ def hand_by_frame(
     *,
     quaternions: bool = False,
 ) -> ManoParameters:
-    """One hand out of the records of the frames that have it; NaN in all others of `frames`.
+    """One hand from records by frame number; NaN in those of the `frames` without a record.
 
-    Its pose is 48 numbers, or 16 quaternions with the real part first; its betas are averaged.
+    The pose is 48 numbers, or 16 quaternions wxyz; the betas are averaged over the frames.
     """
     turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
     places = field_by_frame(records, translation, frames, 3)
@@ -129,7 +129,7 @@ def hand_by_frame(
 
 
 def joints_if_complete(joints: Array, pose: Array) -> Array | None:
-    """Stored keypoints, unless a frame that has a pose lacks them: such keypoints are made anew."""
+    """Stored keypoints; None if a frame with a pose lacks them, so that MANO computes them all."""
     return joints if bool(np.isfinite(joints[finite_frames(pose)]).all()) else None
 
 
@@ -143,10 +143,10 @@ def hand_track(
     betas: Array | None = None,
     left_hand: ManoName = AS_SHIPPED,
 ) -> HandTrack:
-    """A track of keypoints, of MANO's numbers, or of both; a frame with NaN was not observed.
+    """A track of keypoints, MANO parameters, or both; a frame with NaN counts as not observed.
 
-    The pose is (T, 16, 3) absolute, the wrist (T, 3) and the joints (T, 21, 3) in OpenPose order
-    are in metres, `left_hand` is the one that the (10,) betas belong to.
+    The pose is (T, 16, 3) absolute axis-angle. Wrist (T, 3) and joints (T, 21, 3, OpenPose order)
+    are in metres. `left_hand` is the variant of the left hand that the (10,) betas belong to.
     """
     parts = [part for part in (pose, wrist, joints) if part is not None]
     valid = np.asarray(np.stack([finite_frames(part) for part in parts]).all(axis=0))
@@ -174,7 +174,7 @@ def hands_of_body(posed: PosedBody, fingers: Array) -> list[HandTrack]:
 
 
 def masked(values: Array | None, valid: Array) -> torch.Tensor | None:
-    """Values with NaN in every frame without a hand: never a zero that looks like a place."""
+    """Values with NaN in every frame without a hand, because a zero would look like a position."""
     if values is None:
         return None
     values = np.array(values, dtype=np.float64)
@@ -183,7 +183,7 @@ def masked(values: Array | None, valid: Array) -> torch.Tensor | None:
 
 
 def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
-    """An object of Q parts, from (T, 4, 4) or (T, Q, 4, 4) object to world in metres."""
+    """An object of Q parts, from (T, 4, 4) or (T, Q, 4, 4) poses, object to world, in metres."""
     parts = motion if motion.ndim == 4 else motion[:, None]
     rotation, translation = float32(parts[..., :3, :3]), float32(parts[..., :3, 3])
     return fill_object(ObjectTrack(tuple(meshes), rotation, translation))
@@ -192,7 +192,7 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
 def callers_object(
     options: ReaderOptions, frames: int, where: str, clock: Clock | None = None, first: int = 0
 ) -> tuple[ObjectTrack, Notes]:
-    """The caller's object beside a source that has none; without one, nothing that moves."""
+    """The caller's object for a source without one; without --object-pose, one without meshes."""
     if options.object_pose is None and options.meshes:
         raise InputError(
             f"{where}: the mesh in --obj needs the poses of the object, got none; pass "
@@ -207,7 +207,7 @@ def callers_object(
 
 
 def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
-    """A hand taken into another frame by (T, 4, 4) matrices; the wrist moves as a point does."""
+    """A hand transformed to another frame by (T, 4, 4) matrices; the wrist is moved as a point."""
     rotation, shift = (torch.from_numpy(part) for part in (frame[:, :3, :3], frame[:, :3, 3]))
     joints, pose, wrist = hand.joints, hand.pose, hand.wrist
     if joints is not None:
@@ -223,7 +223,7 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
 def sequence_of(
     hands: list[HandTrack], motion: ObjectTrack, fps: float, source: str, notes: Iterable[str]
 ) -> Sequence:
-    """A sequence of hands that were observed in some frame, with notes in its source."""
+    """A sequence of the observed hands, with the notes in `source`; `InputError` without a hand."""
     if not hands:
         raise InputError(f"{source}: expected a hand in some frame, got none; nothing to clean")
     words = "; ".join(dict.fromkeys(notes))
@@ -231,7 +231,7 @@ def sequence_of(
 
 
 def stretch_of(sequence: Sequence, span: slice) -> Sequence:
-    """The frames of a slice; hands that were observed in none of them are left out."""
+    """The sequence cut to a slice of frames, without hands that are observed in none of them."""
     part = sequence[span]
     hands = tuple(hand for hand in part.hands if bool(hand.valid.any()))
     source = f"{sequence.source}, frames {span.start} to {span.stop - 1}"

@@ -1,7 +1,7 @@
-"""When the frames of a file were taken, by the times or the frame numbers that it has beside them.
+"""When the frames of a file were taken, from its timestamps or frame numbers.
 
-Frames that were left out, or that are not evenly apart, must not be taken for even ones: a hand
-would seem to leap, or to move faster than it does.
+Dropped or unevenly spaced frames must not be taken for evenly spaced ones: a hand would seem to
+jump, or to move faster than it does.
 """
 
 from dataclasses import dataclass, replace
@@ -28,51 +28,52 @@ TIME_NAMES = dict.fromkeys(STAMPS) | {
     for name in (*STAMPS, "tracking_timestamp")
     for unit, seconds in UNITS.items()
 }
-"""Fields of times, with the seconds of their unit where the name says it."""
+"""Names of timestamp fields, each with its unit in seconds, or None where the name has no unit."""
 CLOCK_NAMES = (*TIME_NAMES, *FRAME_NAMES)
 ASSUMED_FPS = 30.0
-"""Frame rate of a file that says none, the commonest; it is always noted."""
+"""Frame rate that is assumed, with a note, for a file without one: the most common rate."""
 SLOWEST, FASTEST = 5.0, 240.0
-"""Frames a second of recordings, by which the unit of times is told whose name does not say it."""
+"""Range of frame rates, from which the unit of timestamps without a unit in their name follows."""
 EVEN = 0.1
-"""Share of a frame that frames may be off to count as even: cameras and milliseconds round."""
+"""Deviation in frames up to which frames are evenly spaced: cameras round, and milliseconds do."""
 NEAR = 1.5
-"""Frames apart within which two frames tell what is between them."""
+"""Largest gap in frames between two frames across which values are interpolated."""
 USUAL_STEPS = 0.6, 1.8
-"""Frames of a rate between which the median step of its uneven frames lies."""
+"""Bounds on the median step of uneven frames, in frames of the stated rate."""
 SAME_RATE, OTHER_RATE = 0.01, 0.15
-"""Shares within which a stated rate is that of the times, and beyond which it contradicts them."""
+"""Relative differences of a stated frame rate from that of the timestamps: up to the first the two
+agree, from the second on they contradict each other."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """When T frames were taken."""
+    """The times of T frames."""
 
     name: str
-    """The field that says it."""
+    """The field that they come from."""
     at: Array
-    """(T,) frames from the first one, that rise by about 1 where none is left out."""
+    """(T,) times since the first frame, in frames: steps of about 1 where none was dropped."""
     fps: float | None
-    """Of even frames, by times; frame numbers do not say it."""
+    """Rate of the evenly spaced frames; None where the clock comes from frame numbers."""
     told: Array
-    """(T,) as the file counts: seconds, or the numbers of its frames."""
+    """(T,) the file's own values: seconds, or frame numbers."""
     stride: float = 1.0
-    """From one frame's number to the next one's."""
+    """Usual step from one frame number to the next."""
 
     @property
     def is_of_times(self) -> bool:
-        """Whether times say it, and not the numbers of the frames."""
+        """Whether the clock comes from timestamps, and not from frame numbers."""
         return self.name in TIME_NAMES
 
     @property
     def instants(self) -> Array:
-        """(T,) `at`, whole where the frames are even but for gaps."""
+        """(T,) `at`, rounded to whole frames if the frames are evenly spaced apart from gaps."""
         whole = np.rint(self.at)
         return whole if np.abs(self.at - whole).max() < EVEN else self.at
 
     @property
     def observed(self) -> Array:
-        """(N,) whether each even frame is near a frame of the file, or between near ones."""
+        """(N,) mask of the grid frames that are near a frame of the file, or between near ones."""
         at, grid = self.instants, self.grid
         before = at[np.searchsorted(at, grid, "right") - 1]
         after = at[np.searchsorted(at, grid).clip(max=len(at) - 1)]
@@ -81,12 +82,12 @@ class Clock:
 
     @property
     def grid(self) -> Array:
-        """(N,) the even frames, counted from the first one."""
+        """(N,) the evenly spaced frames, counted from the first one."""
         return np.arange(round(self.at[-1]) + 1)
 
     @property
     def notes(self) -> Notes:
-        """What a user should know of it, in words."""
+        """Notes for the user on dropped or uneven frames."""
         said, seen = [], self.observed
         if lost := int((~seen).sum()):
             said.append(f"{lost} of {len(seen)} frames are left out by '{self.name}'")
@@ -100,7 +101,7 @@ class Clock:
         return tuple(said)
 
     def even(self, sequence: Sequence) -> tuple[Sequence, Array]:
-        """The sequence with even frames, NaN where unobserved, and each one's nearest old frame."""
+        """The sequence resampled to `grid`, NaN where unobserved, and the nearest old frames."""
         at, grid, seen = self.instants, self.grid, torch.from_numpy(self.observed)
         if len(at) == len(grid) and bool((at == grid).all()):
             return sequence, grid
@@ -114,18 +115,18 @@ class Clock:
 
 
 def observed_in(hand: HandTrack, valid: Bool[Tensor, " T"]) -> HandTrack:
-    """The track with NaN in all frames but some."""
+    """The track with NaN in all frames outside the mask `valid`."""
 
     def masked(values: Tensor) -> Tensor:
         lost = ~valid.view(-1, *[1] * (values.ndim - 1))
         return values.masked_fill(lost, torch.nan) if values.is_floating_point() else valid
 
-    # a direction is told where there is no hand, too
+    # the ray of the camera is known in frames without a hand, too
     return replace(hand.map(masked, FRAMES), camera_ray=hand.camera_ray)
 
 
 def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, Notes]:
-    """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
+    """Frame rate of the file, else of the caller, else assumed with a note; both must agree."""
     if stored is not None and given is not None and stored != given:
         raise InputError(
             f"{where}: the file says {stored:g} frames a second, got --fps {given:g}; drop one of "
@@ -140,7 +141,7 @@ def rate_of(stored: float | None, given: float | None, where: str) -> tuple[floa
 def timing_of(
     record: Record, frames: int, given: float | None
 ) -> tuple[float, Clock | None, Notes]:
-    """Frames a second, by file or caller, when the frames were taken, and what to know of it."""
+    """Frame rate by file or caller, the clock if the file has one, and notes for the user."""
     record = replace(record, values=dict(record.values) | dates_in(record))
     stored = record.optional_number("fps", "save it as fps=30.0")
     said = given if stored is None else stored
@@ -155,7 +156,7 @@ def timing_of(
 
 
 def dates_in(record: Record) -> dict[str, Array]:
-    """Times that are dates or durations of numpy, as numbers from the first one on."""
+    """Timestamps stored as dates or durations of numpy, as numbers since the first one."""
     found = {}
     for name, unit in TIME_NAMES.items():
         value = record.values.get(name)
@@ -165,7 +166,7 @@ def dates_in(record: Record) -> dict[str, Array]:
 
 
 def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
-    """The clock of so many frames by a file's times, else its numbers; `said` is the known rate."""
+    """The clock from a file's timestamps or else frame numbers; `said` is the known frame rate."""
     columns = (name for name in CLOCK_NAMES if is_column(record.values.get(name), frames))
     name = next(columns, None) if frames > 1 else None
     if name is None:
@@ -178,7 +179,7 @@ def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
 
 
 def unread_times(record: Record, frames: int) -> Notes:
-    """Notes on fields of times that are no numbers, such as dates, or not as many as frames."""
+    """Notes on fields of times that were skipped because they are not one number per frame."""
     return tuple(
         f"'{name}' is not one number a frame and was not read"
         for name in CLOCK_NAMES
@@ -199,7 +200,7 @@ def is_column(value: Any, frames: int) -> bool:
 
 
 def clock_from(record: Record, name: str, said: float | None) -> Clock:
-    """The clock in one field, which must rise."""
+    """The clock from one field, whose values must increase; `said` is the known frame rate."""
     values = record.numbers(name)
     if len(wrong := np.flatnonzero(~(np.diff(values) > 0) | ~np.isfinite(values[1:]))):
         before, after = (f"{value:.15g}" for value in values[wrong[0] : wrong[0] + 2])
@@ -216,7 +217,7 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
 
 
 def remedy_of(record: Record, name: str) -> str:
-    """What to do about times or numbers of frames that do not rise."""
+    """Remedy for timestamps or frame numbers that do not increase."""
     value = record.values[name]
     if isinstance(value, Array) and value.dtype == np.float32:
         steps, digit = np.diff(value.astype(np.float64)), np.spacing(np.nanmax(np.abs(value)))
@@ -229,7 +230,7 @@ def remedy_of(record: Record, name: str) -> str:
 
 
 def clock_of_times(record: Record, name: str, seconds: Array, said: float | None) -> Clock:
-    """The clock of (T,) seconds from the first frame; `InputError` where another rate is said."""
+    """The clock of (T,) seconds from the first frame; `InputError` if the rate `said` differs."""
     step, multiples = usual_step(seconds)
     own = float(round(1 / step)) if abs(round(1 / step) * step - 1) < SAME_RATE else 1 / step
     said = own if said is None else said
@@ -246,14 +247,15 @@ def clock_of_times(record: Record, name: str, seconds: Array, said: float | None
 
 
 def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
-    """Whether (T,) times, `multiples` of another step or not, may be those of uneven frames."""
+    """Whether (T,) seconds may be uneven frames of `rate`; `multiples` of another step must also
+    lie near whole frames of it."""
     frames = seconds * rate
     usual, off = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
     return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and (not multiples or bool(off < 2 * EVEN))
 
 
 def seconds_of(record: Record, name: str, steps: Array) -> float:
-    """Seconds of the unit of times, by their name or else by their steps."""
+    """Unit of timestamps in seconds, by the field's name, else by the steps between them."""
     unit = TIME_NAMES[name] or unit_by_steps(steps, SLOWEST, FASTEST)
     if unit is not None:
         return unit
@@ -262,7 +264,7 @@ def seconds_of(record: Record, name: str, steps: Array) -> float:
 
 
 def unit_by_steps(steps: Array, slowest: float, fastest: float) -> float | None:
-    """Seconds of the unit in which steps of times are those of so many a second, if any is."""
+    """Unit in seconds in which the median step means `slowest` to `fastest` a second, if any."""
     rates = ((unit, 1 / (float(np.median(steps)) * unit)) for unit in UNITS.values())
     return next((unit for unit, rate in rates if slowest <= rate <= fastest), None)
 
@@ -272,7 +274,7 @@ def usual_step(values: Array) -> tuple[float, bool]:
     steps = np.diff(values)
     found = []
     for step in np.quantile(steps, [0.5, 0.25, 0.1], method="lower").tolist():
-        for _ in range(3):  # a quantile may be a short one of uneven steps
+        for _ in range(3):  # refined, because a quantile of uneven steps may be too short
             step = float(steps.sum() / np.rint(steps / step).clip(min=1).sum())
         found.append((float(np.abs(values / step - np.rint(values / step)).mean()), step))
     off, step = min(found)

@@ -1,6 +1,6 @@
-"""What names of columns and fields say: a coordinate, the point that it is of, a hand's side.
+"""Parse names of columns and fields: a coordinate, its point, the side of the hand.
 
-Programs write one thing in many ways: `WRIST_x`, `LeftIndexTipPosX`, `XR_HAND_JOINT_PALM_EXT_px`,
+Programs name coordinates in many ways: `WRIST_x`, `LeftIndexTipPosX`, `XR_HAND_JOINT_PALM_EXT_px`,
 `field.pose.position.x`, `q_RS_w []`.
 """
 
@@ -12,19 +12,20 @@ from geneoh.choices import Side
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 UNIT = re.compile(r"\s*[\[(](?!\d+[\])])(\w*)[^])]*[\])]")
-"""A unit in brackets, in which a number is that of a point, as in `poses[3]`."""
+"""A unit in brackets; a number in brackets is the index of a point instead, as in `poses[3]`."""
 AXIS = re.compile(r"(p|pos|t|q|r|rot)?([xyzw])")
-"""The last word of a coordinate's name, perhaps with what is measured in front of the axis."""
+"""The last word of a coordinate's name: the axis, perhaps after a mark such as `pos` or `rot`."""
 OF_PLACES = {"p", "pos", "position", "t", "trans", "translation", "location"}
 OF_TURNS = {"q", "quat", "quaternion", "r", "rot", "rotation", "orientation"}
 SIDE_WORDS: dict[str, Side] = {"left": "left", "l": "left", "lh": "left"}
 SIDE_WORDS |= {"right": "right", "r": "right", "rh": "right"}
 FILLERS = {"xr", "hand", "joint", "ext", "finger", "phalanx", "landmark", "keypoint", "point"}
 FILLERS |= {"bone", "root", "id", "field", "poses", "points", "joints", "landmarks", "keypoints"}
-"""Words beside the name of a point that say nothing of which it is."""
+"""Words in names that do not identify the point."""
 FINGERS = {"thumb": 0, "index": 1, "middle": 2, "ring": 3, "little": 4, "pinky": 4}
 SEGMENTS = ("metacarpal", "proximal", "intermediate", "distal", "tip")
-"""OpenXR's points of a finger; the thumb has no intermediate one, and its first is OpenPose's."""
+"""OpenXR's points of a finger. The thumb has no intermediate one; OpenPose has no metacarpal but
+the thumb's."""
 OTHER_SEGMENTS = {
     **dict.fromkeys(("mcp", "knuckle", "1"), "proximal"),
     **dict.fromkeys(("pip", "middle", "intermediatebase", "2"), "intermediate"),
@@ -37,18 +38,18 @@ OTHER_OF_THUMB = {
     **dict.fromkeys(("ip", "intermediatetip", "3"), "distal"),
     **{"4": "tip"},
 }
-"""Segments by the names of MediaPipe, MRTK and ARKit, and by the numbers of the OVR skeleton."""
+"""OpenXR's names for those of MediaPipe, MRTK and ARKit, and for numbers of the OVR skeleton."""
 LEFT_OUT = {"palm", "forearm", "thumb0"}
-"""Points of other skeletons that OpenPose's does not have, besides the palm's bones."""
+"""Points of other skeletons that OpenPose's does not have, besides the metacarpals."""
 
 
 def words_of(name: str) -> list[str]:
-    """The words of a name in small letters: parted by signs, by capitals and before numbers."""
+    """The words of a name in lower case, split at punctuation, capitals and digits."""
     return [word.lower() for word in WORD.findall(UNIT.sub("", name))]
 
 
 def plain_name(name: str) -> str:
-    """The last part of a name in small letters, with a unit in brackets behind it: `time_ns`."""
+    """The last part of a dotted name in lower case; a unit in brackets is appended: `time_ns`."""
     unit = UNIT.search(name)
     name = UNIT.sub("", name).strip().lstrip("#% ").lower().rpartition(".")[2]
     return f"{name}_{unit[1]}" if unit and unit[1] else name
@@ -57,27 +58,27 @@ def plain_name(name: str) -> str:
 def columns_called(
     columns: Iterable[str | None], names: Iterable[str]
 ) -> Iterator[tuple[str, str]]:
-    """Those of some names that a column has, in their order, each with the first such column."""
+    """Those of `names` that a column has, in the order of `names`, each with its first column."""
     called = {plain_name(column): column for column in reversed(list(columns)) if column}
     return ((name, called[name]) for name in names if name in called)
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One coordinate that a name says."""
+    """The coordinate that a name denotes."""
 
     is_turn: bool
-    """Whether it is of an orientation, and not of a place."""
+    """Whether it belongs to an orientation, and not to a position."""
     axis: str
     """x, y, z, or w of a quaternion."""
     of: tuple[str, ...]
-    """The other words: what it is the place of."""
+    """The other words of the name, which identify the point."""
     is_marked: bool = False
-    """Whether the name says that it is of a place, or of an orientation."""
+    """Whether the name states that it is a position or an orientation, as `pos_x` does."""
 
 
 def coordinate_in(name: str) -> Coordinate | None:
-    """The coordinate that a name says, if any; a number may follow the axis, as in `x12`."""
+    """The coordinate that a name denotes, if any; a number may follow the axis, as in `x12`."""
     *words, last = words_of(name) or [""]
     if words and words[-1] in ("x", "y", "z") and last.isdecimal():
         words, last = [*words[:-1], last], words[-1]
@@ -86,7 +87,7 @@ def coordinate_in(name: str) -> Coordinate | None:
         return None
     mark, axis = found.groups()
     marks = {mark, *words[-1:], *words[:1]} - {None}
-    # a capital R alone is a side in front, and a frame of reference at the end
+    # a lone R is the right side at the start of a name, and a frame of reference at its end
     is_turn = axis == "w" or bool(marks & OF_TURNS - {"r"}) or mark == "r"
     is_marked = is_turn or bool(marks & OF_PLACES)
     said = (OF_TURNS - {"r"}) | OF_PLACES
@@ -94,14 +95,14 @@ def coordinate_in(name: str) -> Coordinate | None:
 
 
 def side_in(words: Iterable[str]) -> Side | None:
-    """The side that some words say, if any."""
+    """The side of a hand that one of the words names, if any."""
     return next((SIDE_WORDS[word] for word in words if word in SIDE_WORDS), None)
 
 
 def point_in(words: Iterable[str]) -> int | str | None:
-    """OpenPose's number of a point, "" for a known one that it lacks, None for an unknown name.
+    """OpenPose's index of a point; "" for a known point that it lacks, None for an unknown name.
 
-    A bare number comes as its digits.
+    If the name is a bare number, its digits are returned.
     """
     words = [word for word in words if word not in FILLERS and word not in SIDE_WORDS]
     if len(words) == 1 and words[0].isdecimal():

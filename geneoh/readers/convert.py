@@ -1,7 +1,7 @@
-"""From a source's files to sequences, one clip after the other; what cannot be read is reported.
+"""Convert a source's files to sequences, clip by clip; clips that cannot be read are reported.
 
-A clip is done when its last line in `converted.jsonl` is of the same options, and the files that it
-names, read and written, are as they were: started again, a conversion does what is left.
+A clip is skipped if its last record in `converted.jsonl` has the same options and the input and
+output files named there are unchanged. An interrupted conversion therefore resumes.
 """
 
 from collections.abc import Iterable, Iterator
@@ -33,23 +33,23 @@ from geneoh.sequence.validation import check_sequence
 
 @dataclass(frozen=True)
 class ConversionOutcome:
-    """What became of one clip."""
+    """The result of converting one clip."""
 
     clip: SourceClip
     files: tuple[str, ...] = ()
     """Sequences written, relative to the output folder."""
     problem: str | None = None
-    """Why it was not read, in one sentence."""
+    """Why the clip was not read, in one sentence."""
     contradictions: tuple[str, ...] = ()
-    """What contradicts the source's convention, each with its recording in front."""
+    """Contradictions of the source's convention, each after the name of its recording."""
     notes: tuple[str, ...] = ()
     """Where each recording came from and what was assumed."""
     skipped: bool = False
-    """It was done before."""
+    """Whether an earlier run has converted the clip."""
 
     @property
     def failed(self) -> bool:
-        """Whether it was not read, or contradicts its convention."""
+        """Whether the clip was not read, or contradicts its convention."""
         return self.problem is not None or bool(self.contradictions)
 
 
@@ -62,12 +62,12 @@ def convert(
     check: bool = False,
     overwrite: bool = False,
 ) -> Iterator[ConversionOutcome]:
-    """Convert clips to files in a folder, or to none, and report on each.
+    """Convert clips to files in a folder and yield the outcome of each; without one, write nothing.
 
-    A file that cannot be read is the problem of its clip. An error in geneoh's own code ends the
-    conversion with its traceback: copying the files again would not help. With `check` the files
-    are compared with their convention as well; `overwrite` replaces files that geneoh did not
-    write, but never the clip's own.
+    A file that cannot be read is reported as the `problem` of its clip, and the next clip follows.
+    An error in geneoh's own code ends the conversion with a traceback. `check` also compares the
+    files with their convention. `overwrite` replaces files that geneoh did not write, but never
+    the clip's own.
     """
     refuse_unused(source, options)
     with nullcontext() if folder is None else only_run_in(folder):
@@ -87,7 +87,7 @@ def convert(
 
 
 def _described(source: Source, clip: SourceClip, options: ReaderOptions) -> dict[str, Any]:
-    """What is asked for a clip as JSON can hold it: with another description it is other work."""
+    """Source, path and options of a clip for the journal; if they change, it is converted again."""
     return {
         "source": source.name,
         "path": str(clip.path),
@@ -96,7 +96,7 @@ def _described(source: Source, clip: SourceClip, options: ReaderOptions) -> dict
 
 
 def _as_json(value: Any) -> Any:
-    """The value of an option; of arrays and meshes a digest."""
+    """The value of an option for JSON; arrays and meshes become a digest."""
     if isinstance(value, np.ndarray):
         return f"{value.shape} {sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, ObjectPoses):
@@ -118,7 +118,7 @@ def convert_clip(
     check: bool,
     overwrite: bool,
 ) -> ConversionOutcome:
-    """One clip, all of its recordings or none; `asked` is its description in the journal."""
+    """Convert one clip, all of its recordings or none; `asked` describes it in the journal."""
     inputs = {} if folder is None else {str(clip.path): fingerprint(clip.path)}
     recordings = read_clip(source, clip, options)
     found: list[str] = []
@@ -148,7 +148,7 @@ def notes_on(recording: Recording) -> Iterator[str]:
 def _check_places(
     recordings: list[Recording], folder: Path, clip: SourceClip, *, overwrite: bool
 ) -> None:
-    """Make the folders of a clip's sequences, and refuse to replace the clip or files of others."""
+    """Make the output folders; refuse to replace the clip itself or files that are not geneoh's."""
     places = [folder / f"{recording.name}.npz" for recording in recordings]
     for place in places:
         make_folder(place.parent)
@@ -156,7 +156,7 @@ def _check_places(
 
 
 def write_recording(recording: Recording, folder: Path) -> str:
-    """A sequence and its meshes; the sequence comes last and names them."""
+    """Write a sequence and its meshes; the sequence comes last, because it names their files."""
     sequence, names = recording.sequence, recording.mesh_names
     written = [
         replace(mesh, source=folder / write_mesh(mesh, folder, name))
@@ -170,7 +170,7 @@ def write_recording(recording: Recording, folder: Path) -> str:
 
 
 def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
-    """The file of a mesh below a folder; one of that name that holds another mesh is kept."""
+    """Write a mesh below a folder; its name gets a number if another mesh has that name already."""
     text, name = obj_text(mesh), name.replace("/", "_")
     for number in count(1):
         file = f"objects/{name}{'' if number == 1 else f'_{number}'}.obj"
@@ -190,7 +190,7 @@ def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
 
 
 def _records_before(folder: Path) -> dict[str, dict[str, Any]]:
-    """The last record of each clip in a folder's journal, which is written anew without halves."""
+    """The last record of each clip in a folder's journal; all other lines of it are removed."""
     path = folder / CONVERTED
     keep_others(path)
     records = {str(record.get("clip")): record for record in read_journal(path)}

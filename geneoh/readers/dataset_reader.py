@@ -1,7 +1,7 @@
-"""What all readers of data sets do alike: find clips, put sequences together, split recordings.
+"""The steps that all readers of data sets share: find clips, build sequences, split recordings.
 
-A source is a function in `geneoh.readers.sources` that gives the parts of a clip; `reads` makes it
-a `DatasetReader`, with the source's convention, frame rate and file names as data.
+A source is a function in `geneoh.readers.sources` that yields the parts of a clip; `reads` turns it
+into a `DatasetReader`, which also holds the source's convention, frame rate and file names.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,35 +22,35 @@ from geneoh.sequence.camera import seen_from
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 Matches = Iterable[Path]
-"""Files and folders whose names fit."""
+"""Files and folders that match a reader's patterns."""
 
 
 @dataclass(frozen=True)
 class DatasetReader:
-    """One source: what is the same in all of its clips, and the function that reads one of them."""
+    """The reader of one source: what all of its clips share, and the function that reads a clip."""
 
     parts: Callable[[SourceClip, ReaderOptions], Iterable[ClipParts]]
     """The interactions of a clip, each of which becomes one recording or more."""
     patterns: tuple[str, ...]
-    """Names of the files that make a clip, or of folders, which end in "/"."""
+    """Patterns for the files that make a clip, or for folders, with "/" at the end."""
     clip_is_folder: bool = False
-    """Whether the clip is the folder that holds such a file, and not the file."""
+    """Whether the clip is the folder that holds a matching file, and not the file itself."""
     choose: Callable[[Matches, Path], Matches] = lambda found, path: found
-    """What makes a clip, of all that fits below a path; by default all of it."""
+    """Selects the clips among the matches below a path; by default all matches."""
     any_file: bool = False
     """Whether a file that the caller names is a clip, whatever its name."""
     name_parts: int = 1
-    """How many parts of the path a clip's name keeps."""
+    """Number of path components in a clip's name."""
     name_above: int = 0
-    """How many levels above the clip's path the name is taken."""
+    """Number of levels above the clip's path at which the name ends."""
     fps: float | None = 30.0
-    """Frames a second of all clips; None where the files do not say it, which is noted then."""
+    """Frames a second of all clips; None where it is unknown and is assumed, with a note."""
     convention: base.ManoConvention = base.WRIST
-    """How the source uses MANO, where it does."""
+    """How the source uses MANO, if it stores MANO parameters."""
     takes: tuple[str, ...] = ()
-    """Which of the options in `geneoh.readers.base.OF_SOME` its function makes use of."""
+    """The options of `geneoh.readers.base.OF_SOME` that the source accepts."""
     content: str = "a hand and an object"
-    """What every clip must hold, for the message where one does not."""
+    """What every clip must hold, for the error message."""
 
     def find(self, path: Path) -> list[SourceClip]:
         """Every clip at or below a path, each once."""
@@ -63,7 +63,7 @@ class DatasetReader:
         return [SourceClip(base.clip_name(named[p], self.name_parts), p) for p in named]
 
     def read(self, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
-        """The recordings of a clip: its parts, cut where the object is not known."""
+        """The recordings of a clip: its interactions, cut where the object's pose is unknown."""
         parts = self.parts(clip, options)
         found = [recording for each in parts for recording in self.recordings(each, clip, options)]
         if not found:
@@ -73,14 +73,14 @@ class DatasetReader:
     def recordings(
         self, parts: ClipParts, clip: SourceClip, options: ReaderOptions
     ) -> list[Recording]:
-        """The recordings of one interaction: stretches in which the object's place is known."""
+        """The recordings of one interaction: runs of frames in which the object's pose is known."""
         whole = self.whole(parts, clip, options)
         return split(whole, frames_to_keep(parts, whole.sequence.frames), parts.after_jump)
 
     def timing(
         self, parts: ClipParts, options: ReaderOptions, where: str
     ) -> tuple[float, Clock | None, Notes]:
-        """Frames a second, when the frames were taken where a clip says it, and what to know."""
+        """Frame rate, the clock if the clip has timestamps or frame numbers, and notes."""
         if parts.stamps is not None:
             return timing_of(parts.stamps, parts.frames, options.fps)
         usual = self.fps if parts.fps is None else None
@@ -89,7 +89,7 @@ class DatasetReader:
         return rate, None, notes
 
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
-        """One interaction with all of its frames, as labels of frames count them."""
+        """One interaction with all of its frames, before it is split into recordings."""
         where, checks = str(clip.path), parts.cross_checks
         rate, clock, about_time = self.timing(parts, options, where)
         motion, about_object = _object_of(parts, options, clock, where)
@@ -115,14 +115,14 @@ class DatasetReader:
 def reads(
     *patterns: str, **how: Any
 ) -> Callable[[Callable[[SourceClip, ReaderOptions], base.Parts]], DatasetReader]:
-    """Make the function below a reader; the arguments are the fields of `DatasetReader`."""
+    """Decorator: make a function a reader; the arguments are the fields of `DatasetReader`."""
     return lambda parts: DatasetReader(parts, patterns, **how)
 
 
 def _object_of(
     parts: ClipParts, options: ReaderOptions, clock: Clock | None, where: str
 ) -> tuple[ObjectTrack, Notes]:
-    """The object of an interaction, or the caller's where its source has none, and a note then."""
+    """The object of an interaction, or the caller's if the source has none; and notes."""
     if parts.stated is not None:
         return parts.stated, ()
     if parts.motion is None:
@@ -135,7 +135,7 @@ def _object_of(
 def _hands_of(
     parts: ClipParts, convention: base.ManoConvention, options: ReaderOptions, where: str
 ) -> tuple[list[HandTrack], list[str]]:
-    """The hands that were observed in some frame, and what was assumed of them."""
+    """The hands that were observed in some frame, and notes on what was assumed."""
     hands, notes = [], []
     for hand in parts.hands:
         about = ()
@@ -148,14 +148,14 @@ def _hands_of(
 
 
 def frames_to_keep(parts: ClipParts, frames: int) -> Array:
-    """(T,) the frames that the source names, else those in which its object's motion is known."""
+    """(T,) mask of the source's own choice of frames, else of those with a known object pose."""
     if parts.object_known is not None:
         return parts.object_known
     return np.ones(frames, bool) if parts.motion is None else base.finite_frames(parts.motion)
 
 
 def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> None:
-    """Refuse hands, or stored points, that are not of the object's frames."""
+    """Refuse hands or stored points whose number of frames differs from the object's."""
     lengths = {f"{hand.side} hand": hand.frames for hand in sequence.hands}
     lengths |= {f"{side} hand's keypoints": len(joints) for side, joints in stored.joints.items()}
     lengths |= {f"{side} hand's mesh": len(rim) for side, rim in stored.rim.items()}
@@ -170,7 +170,7 @@ def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> 
 
 
 def split(whole: Recording, object_known: Array, after_jump: Array | None) -> list[Recording]:
-    """One recording for each stretch in which the object is known, named by its first frame too."""
+    """One recording per run of frames with a known object pose, its first frame in its name."""
     if not object_known.any():
         raise InputError(f"{whole.name}: expected the object's pose in some frame, got none")
     stretches = base.stretches(object_known, after_jump)

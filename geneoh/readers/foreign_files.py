@@ -1,4 +1,4 @@
-"""Files of data sets that are no npz of ours: pickles, JSON, tables and texts of numbers."""
+"""Files that others wrote: pickles, JSON, tables and texts of numbers."""
 
 import csv
 import json
@@ -39,9 +39,9 @@ def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
 
 
 def read_json(path: Path) -> Any:
-    """The value in a JSON file; of one with a value a line (.jsonl), the list of them.
+    """The value in a JSON file, or the list of values in a file with one per line (.jsonl).
 
-    A file that is none by its ending is read the other way where that makes sense of all of it.
+    If the file is not in the form that its ending names, the other form is tried.
     """
     data, ways = read_bytes(path, JSON_LIMIT), [whole_json, json_lines]
     if path.suffix.lower() == ".jsonl":
@@ -60,7 +60,7 @@ def whole_json(data: bytes, path: Path) -> Any:
 
 
 def json_lines(data: bytes, path: Path) -> list[Any]:
-    """The values of a JSON file that has one a line."""
+    """The values of a JSON file that has one per line."""
     lines = ((number, line) for number, line in enumerate(data.splitlines(), 1) if line.strip())
     cure = "copy it again, or leave the line out"
     return [json_in(line, f"{path}, line {number}", cure) for number, line in lines]
@@ -84,7 +84,7 @@ def read_text(path: Path) -> str:
 
 
 def read_yaml(path: Path) -> Record:
-    """Names with a value or a list, two levels of YAML; those below `extrinsics:` go to the top."""
+    """Names with a value or a list in YAML of two levels; nested names move to the top level."""
     values: dict[str, object] = {}
     items: list[object] = []
     for line in read_text(path).splitlines():
@@ -99,7 +99,7 @@ def read_yaml(path: Path) -> Record:
 
 
 def scalar(text: str) -> object:
-    """A list in brackets, a number where it is one and stands without quotes, else text."""
+    """The value of a YAML text: a list in brackets, a number without quotes, else text."""
     if text.startswith("[") and text.endswith("]"):
         return [scalar(part.strip()) for part in text[1:-1].split(",") if part.strip()]
     if text[:1] in ("'", '"') and text[-1:] == text[:1]:
@@ -111,7 +111,7 @@ def scalar(text: str) -> object:
 
 
 def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
-    """The wanted columns of a CSV as arrays by name; a cell that is no number comes as NaN."""
+    """The wanted columns of a CSV as arrays by name; a cell that is no number becomes NaN."""
     try:
         with open_text(path, TABLE_LIMIT) as file:
             names, columns = read_columns(path, csv.reader(file), wanted)
@@ -143,9 +143,9 @@ def number_in(text: str) -> float:
 
 
 def read_numbers(path: Path, *counts: int, remedy: str = "it is damaged, copy it again") -> Array:
-    """The numbers of a text, one row a line, or all of one row; a row has one of the counts.
+    """The numbers of a text, one row per line; all rows have the same length, one of `counts`.
 
-    `remedy` is what to do about other texts.
+    `remedy` ends the error message on other texts.
     """
     rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
     try:

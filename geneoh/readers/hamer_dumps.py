@@ -1,8 +1,8 @@
-"""Detections of HaMeR and WiLoR, in whatever a user of theirs saved them.
+"""Detections of HaMeR and WiLoR, in the forms in which their users save them.
 
 A batch of detections is a dict of the fields that `geneoh.readers.sources.hamer` names. A dump is
-one, a list of them, or a dict of them by image; those of WiLoR-mini have their fields under
-'wilor_preds'.
+one batch, a list of batches, or a dict of batches by image. Dumps of WiLoR-mini have the fields
+under 'wilor_preds'.
 """
 
 import re
@@ -24,22 +24,22 @@ from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, described
 
 ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy", ".json")
 DEMO_FOCAL = 5000.0 / 256.0
-"""Focal length in the demos, as a share of the longer side of the image."""
+"""Focal length that the demos assume, in multiples of the longer side of the image."""
 AS_DUMPED = "dump the estimator's output as the page on estimators shows"
 ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
 PARAMETERS = ("global_orient", "hand_pose", "betas")
 MARKS = ("pred_mano_params", "wilor_preds", "hand_bbox", *PARAMETERS[:2])
-"""Fields of which a batch has one or more."""
+"""Fields that identify a batch, which has at least one of them."""
 MOST_PEOPLE = 10
-"""Hands of one image that names of files number."""
+"""Largest number of hands per image that file names may number."""
 
 Batch = tuple[int | None, Record]
-"""Detections with the number of their image, where something tells it."""
+"""The frame number, or None where it is unknown, and the detections."""
 
 
 @dataclass(frozen=True, eq=False)
 class Detections(Bundle):
-    """N detections; of a left hand as it was estimated, of a mirrored picture, or as it is."""
+    """N detections; left hands are as estimated from a mirrored image, or mirrored back already."""
 
     frame: Shaped[Array, " N"]
     """Number of the image."""
@@ -49,15 +49,15 @@ class Detections(Bundle):
     """Rotations of the wrist and the fingers' joints."""
     betas: Shaped[Array, "N 10"]
     points: Shaped[Array, "N 21 3"]
-    """Keypoints about the hand's own origin, metres."""
+    """Keypoints relative to the hand's own origin, metres."""
     place: Shaped[Array, "N 3"]
-    """Origin in the camera of the whole image, metres."""
+    """Position of that origin in the frame of the whole image's camera, metres."""
     crop: Shaped[Array, "N 3"]
-    """Scale and shifts of the crop's camera, of which `place` was made; NaN if unknown."""
+    """Scale and shifts of the crop's camera that `place` was computed from; NaN if unknown."""
 
 
 def dumps(found: Iterable[Path], path: Path) -> list[Path]:
-    """Every file of several frames, and every folder of one file for each frame."""
+    """Every file that holds several frames, and every folder with one file per frame."""
     chosen: list[Path] = []
     for folder, files in groupby(sorted(found, key=lambda p: (p.parent, p)), lambda p: p.parent):
         members = list(files)
@@ -67,7 +67,7 @@ def dumps(found: Iterable[Path], path: Path) -> list[Path]:
 
 
 def named_alike(files: Iterable[Path]) -> list[list[Path]]:
-    """The files with a number in their names, of which those differ in nothing but numbers."""
+    """The files with a number in their names, grouped by names that differ in numbers only."""
     alike: dict[str, list[Path]] = {}
     for file in files:
         if (name := re.sub(r"\d+", "#", file.name)) != file.name:
@@ -76,7 +76,7 @@ def named_alike(files: Iterable[Path]) -> list[list[Path]]:
 
 
 def frames_of_names(names: list[str], where: Path) -> list[int]:
-    """The number of each image by names that differ in a number, or also in one of a hand in it."""
+    """The frame number in each name; names differ in it alone, or also in the number of a hand."""
     numbers = np.array([[*map(int, re.findall(r"\d+", name))] for name in names], dtype=object)
     differing = [column for column in numbers.T if len(set(column)) > 1]
     if len(differing) == 2 and len(set(differing[1])) <= min(len(set(differing[0])), MOST_PEOPLE):
@@ -91,7 +91,7 @@ def frames_of_names(names: list[str], where: Path) -> list[int]:
 
 
 def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]:
-    """Every detection of a file or a folder, and what was assumed of these."""
+    """All detections of a file or a folder, and notes on what was assumed."""
     found, notes = [], []
     batches = batches_of_file(path) if path.is_file() else batches_of_folder(path, notes)
     for number, record in batches:
@@ -110,7 +110,7 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]
 
 
 def batches_of_file(path: Path) -> Iterator[Batch]:
-    """The batches of a file of all images: of a list each item is an image, of a dict each name."""
+    """The batches of a file: a single one, or those of the images in a list or a dict."""
     value = value_in(path)
     if is_batch(value):
         yield None, Record(str(path), value, AS_DUMPED)
@@ -127,7 +127,7 @@ def batches_of_file(path: Path) -> Iterator[Batch]:
 
 
 def batches_of_folder(folder: Path, notes: list[str]) -> Iterator[Batch]:
-    """The batches of the files of a folder that are named alike, a file for an image."""
+    """The batches of a folder with a file per image, whose names differ in numbers only."""
     files = sorted(each for each in folder.iterdir() if each.suffix in ENDINGS)
     several = [alike for alike in named_alike(files) if len(alike) > 1]
     if len(several) != 1:
@@ -144,7 +144,7 @@ def batches_of_folder(folder: Path, notes: list[str]) -> Iterator[Batch]:
 
 
 def value_in(file: Path) -> Any:
-    """What a file holds; an array of objects as the list of them."""
+    """The contents of a file; an array of objects becomes a list."""
     value = read_json(file) if file.suffix.lower() == ".json" else read_values(file)
     return value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
 
@@ -173,18 +173,18 @@ def no_batch(value: Any, where: str) -> InputError:
 
 
 def side_field(record: Record) -> str:
-    """The name of the field that says of each detection whether it is a right hand."""
+    """Name of the field that marks the right hands among the detections."""
     return "is_right" if "is_right" in record and "right" not in record else "right"
 
 
 def _is_empty(record: Record) -> bool:
-    """Whether a batch holds no detection, as that of an image without a hand."""
+    """Whether a batch holds no detection, as for an image without a hand."""
     names = (side_field(record), "pred_keypoints_3d")
     return all(name in record and not record.numbers(name).size for name in names)
 
 
 def read_batch(record: Record, focal: float | None, number: int | None) -> Detections:
-    """The detections of a batch; `number` is that of their image, where rows do not say theirs."""
+    """The detections of a batch; `number` is their frame number if there is no field 'frame'."""
     side = side_field(record)
     right = record.array(side, ("B",), ("B", 1), ()).reshape(-1)
     if ((right < 0) | (right > 1)).any():
@@ -216,7 +216,7 @@ def _turns_of(params: Record, name: str, count: int) -> Array:
 
 
 def frames_of_rows(record: Record, count: int, number: int | None) -> Array:
-    """(B,) the number of each row's image."""
+    """(B,) the frame number of each row."""
     frames = [*range(count)] if number is None else [number] * count
     if "frame" in record:
         frames = record.integers("frame")
@@ -227,10 +227,10 @@ def frames_of_rows(record: Record, count: int, number: int | None) -> Array:
 
 
 def _place_of(record: Record, right: Array, focal: float | None) -> tuple[Array, Array]:
-    """(B, 3) place in the whole image's camera, and (B, 3) the crop's camera that it was made of.
+    """(B, 3) translation in the frame of the whole image's camera, and (B, 3) the crop's camera.
 
-    It is `pred_cam_t_full` of the demos, or made as there (cam_crop_to_full), with the true focal
-    length in pixels where the caller knows it.
+    The translation is the demos' `pred_cam_t_full`, or computed as in their cam_crop_to_full with
+    the caller's focal length in pixels, if there is one.
     """
     if "pred_cam_t_full" in record:
         place = record.array("pred_cam_t_full", ("B", 3)).copy()
@@ -249,7 +249,7 @@ def _place_of(record: Record, right: Array, focal: float | None) -> tuple[Array,
     length = DEMO_FOCAL * image.max(1) if focal is None else focal
     spread = size * cam[:, 0] + 1e-9  # as HaMeR has it, against a division by zero
     shift = 2 * (centre - image / 2) / spread[:, None]
-    # The demos turn pred_cam's sign in place; pred_cam_t keeps what it was.
+    # The demos flip a sign of pred_cam in place; pred_cam_t keeps the network's output.
     own = record.side_by_side(pred_cam_t=3) if "pred_cam_t" in record else cam[:, 1:]
     if len(own) != len(right):
         raise record.refuse("pred_cam_t", "one row for each detection")
@@ -259,7 +259,7 @@ def _place_of(record: Record, right: Array, focal: float | None) -> tuple[Array,
 
 
 def focal_of_demo(record: Record) -> Array | float:
-    """The focal length, in pixels, that the demo made the place with."""
+    """The focal length in pixels from which the demo computed `pred_cam_t_full`."""
     if "scaled_focal_length" not in record and "img_size" in record:
         return DEMO_FOCAL * record.array("img_size", ("B", 2)).max(1)
     given = record.array("scaled_focal_length", ("B",), ("B", 1), ()).reshape(-1)

@@ -1,4 +1,4 @@
-"""Orders of hand keypoints, and how each becomes OpenPose's."""
+"""Orders of hand keypoints, and their conversion to OpenPose's."""
 
 from dataclasses import dataclass, replace
 
@@ -34,17 +34,17 @@ ORDERS: dict[JointOrder, Order] = {
 THUMB_BASE, THUMB_NEXT = 1, 2
 """Keypoints of OpenPose: the base of the thumb and the joint after it."""
 THUMB_BASE_SHARE = 0.4
-"""Place of the thumb's base between the wrist and the next joint of the thumb, as a share of that
-way, in MANO's mean hand."""
+"""Position of the thumb's base in MANO's mean hand, as a fraction of the way from the wrist to the
+thumb's next joint."""
 SHORTER_BONES = 0.9
-"""Share of the bones' total length below which another order of the keypoints is the true one; with
-up to 40 mm of noise the true order has the shortest bones."""
+"""Ratio of total bone lengths below which another order of the keypoints is taken for the true one:
+the true order has the shortest bones, with up to 40 mm of noise."""
 
 
 def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
-    """(T, 21, 3) keypoints in OpenPose's order out of (T, N, 3) in another one.
+    """(T, 21, 3) keypoints in OpenPose's order, from (T, N, 3) in another one.
 
-    Also (21,) trust: 0 where the order has no such keypoint and it was estimated, else 1.
+    Also (21,) confidence: 0 for a keypoint that the order lacks and that was estimated, else 1.
     """
     entries = np.array(ORDERS[order].entries)
     joints = points[:, np.maximum(entries, 0)].copy()
@@ -55,7 +55,7 @@ def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
 
 
 def order_of_points(points: object) -> JointOrder | None:
-    """The one order that has as many keypoints as (T, N, 3) `points`, where they are not 21."""
+    """The order with as many keypoints as (T, N, 3) `points`; None if none or several have N."""
     shape = points.shape if isinstance(points, Array) else ()
     known: list[JointOrder] = [
         name for name, order in ORDERS.items() if (order.count, 3) == shape[1:]
@@ -64,10 +64,10 @@ def order_of_points(points: object) -> JointOrder | None:
 
 
 def in_openpose_order(record: Record, points: Array, order: JointOrder) -> Record:
-    """The fields with (T, N, 3) `points` in OpenPose's order as 'joints', and 'confidence' too.
+    """The fields with (T, N, 3) `points` as 'joints' in OpenPose's order, and 'confidence' too.
 
-    `InputError` where they are certainly in another order than a named one; that they are not in
-    OpenPose's is told when the sequence is checked.
+    Raises `InputError` if the bone lengths show another order. For points that are already in
+    OpenPose's order the check of the sequence does so.
     """
     if order != "openpose" and (other := shorter_order(torch.from_numpy(points), order)):
         raise InputError(
@@ -101,6 +101,6 @@ def shorter_order(
 
 
 def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
-    """Total of the median lengths of a hand's bones; NaN where a keypoint is in no frame."""
+    """Sum of the median lengths of a hand's bones; NaN if a keypoint is missing in all frames."""
     bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
     return float(bones.norm(dim=-1).nanmedian(0).values.sum())

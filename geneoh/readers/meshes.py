@@ -29,7 +29,7 @@ def find_mesh(
 
 
 def mesh_beside(path: Path) -> tuple[Path, ...]:
-    """The mesh file beside a file that has its name, where there is one; no GLB of ours."""
+    """The mesh file beside a file with the same stem, if any, except files that geneoh wrote."""
     meshes = (path.with_suffix(suffix) for suffix in MESH_SUFFIXES)
     return tuple(mesh for mesh in meshes if mesh.is_file() and not is_ours(mesh))[:1]
 
@@ -44,7 +44,7 @@ def read_mesh(path: Path, unit: Unit = "m", *, centred: bool = False) -> Mesh:
 
 
 def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, Notes]:
-    """An object with the separate meshes of its one file, if each has a pose, and a note on it."""
+    """The object with the separate meshes of its one file as parts, if each has a pose; a note."""
     meshes = motion.meshes[0].parts if len(motion.meshes) == 1 else ()
     held = f"the object's mesh file holds {len(meshes)} separate meshes"
     if len(meshes) == motion.rotation.shape[1]:
@@ -56,7 +56,7 @@ def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, Notes]:
 
 
 def part_of_mesh(mesh: Mesh, chosen: Array, name: str) -> Mesh:
-    """The faces of which all corners are chosen, with their vertices; `InputError` for none."""
+    """The faces whose corners are all chosen, with their vertices; `InputError` if none is."""
     inside = torch.from_numpy(chosen)[mesh.faces].all(-1)
     if not bool(inside.any()):
         raise InputError(f"{name}: expected a part with faces, got none; check the parts' file")

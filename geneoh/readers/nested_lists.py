@@ -10,10 +10,10 @@ Shape = tuple[int | str, ...]
 """Sizes of the axes: a number, or a letter for any size from 1 up. Equal letters, equal sizes."""
 
 NUMBERS_LIMIT = 2**27
-"""Numbers of one field: a gigabyte of float64, though a file may hold them as single bytes."""
+"""Most numbers in one field: a gigabyte as float64, although a file may store them as bytes."""
 
 NESTING_LIMIT = 64
-"""Lists within lists that numpy turns into an array."""
+"""Greatest depth of nested lists that numpy turns into an array."""
 
 
 def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0) -> int:
@@ -30,13 +30,13 @@ def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0
         return NUMBERS_LIMIT + 1
     seen = {} if seen is None else seen
     if id(value) not in seen:
-        seen[id(value)] = NUMBERS_LIMIT + 1  # until it is counted: a list that holds itself
+        seen[id(value)] = NUMBERS_LIMIT + 1  # ends the recursion for a list that holds itself
         seen[id(value)] = sum(count_entries(item, seen, depth + 1) for item in value)
     return seen[id(value)]
 
 
 def array_in(value: Any) -> np.ndarray:
-    """Lists of lists or arrays as one array; null or None for one of them is as many NaN."""
+    """Nested lists or arrays as one array; None in place of a row becomes a row of NaN."""
     try:
         return np.asarray(value)
     except ValueError:
@@ -47,7 +47,7 @@ def array_in(value: Any) -> np.ndarray:
 
 
 def without_gaps(value: Any) -> Any:
-    """Lists with NaN in place of None beside lists or arrays; `ValueError` for uneven ones."""
+    """Nested lists with rows of NaN for rows that are None; `ValueError` for ragged lists."""
     if not isinstance(value, list):
         return value
     rows = [without_gaps(each) for each in value]

@@ -1,4 +1,4 @@
-"""The caller's poses of an object, and those of them that belong to the frames of a hand."""
+"""The caller's object poses, and how they are matched with the frames of a hand."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from geneoh.readers.trajectories import in_seconds, is_text, read_trajectory, wi
 from geneoh.readers.transforms import refuse_other_matrices
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4), (4, 4), (3, 4))
-"""Shapes of the object's poses; without frames it is one pose."""
+"""Accepted shapes of object poses; those without T are a single pose."""
 
 AS_MATRICES = (
     "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle"
@@ -33,25 +33,25 @@ IN_A_TEXT = (
 
 @dataclass(frozen=True)
 class ObjectPoses:
-    """Poses of the caller's object, object to the hand's frame, and the frames that they are of."""
+    """The caller's object poses, object to the hand's frame, with frame numbers or times."""
 
     matrices: Array
     """(T, 4, 4) or (T, Q, 4, 4), NaN where the object was lost."""
     first: int = 0
-    """Number of the frame of the first of them, 0 where none is said."""
+    """Frame number of the first pose, 0 where it is unknown."""
     times: Array | None = None
-    """(T,) seconds, where they are said."""
+    """(T,) seconds, where they are known."""
 
     def of_frames(
         self, frames: int, where: str, clock: Clock | None = None, first: int = 0
     ) -> tuple[Array, Notes]:
-        """The poses of so many frames of a hand, the first of which has a number, and notes.
+        """The poses at a hand's frames, the first of which has the number `first`, and notes.
 
-        By the times of both, where both say them; else one for each frame, of a whole video's those
-        with the hand's numbers, or a single one for all frames.
+        They are matched by timestamps if both have them. Else there is one pose per frame, a single
+        pose for all frames, or those of a whole video, which are matched by frame number.
 
         Raises:
-            InputError: times have nothing in common, or there are other poses than frames.
+            InputError: the times do not overlap, or the number of poses fits none of these cases.
         """
         if self.times is not None and clock is not None and clock.is_of_times:
             return self.at_times(clock.told, where)
@@ -71,7 +71,7 @@ class ObjectPoses:
         raise self._other_number(frames, where, first)
 
     def _other_number(self, frames: int, where: str, first: int) -> InputError:
-        """The error for another number of poses than of frames."""
+        """The error for a number of poses that does not fit the frames."""
         which = f", which are numbers {first} to {first + frames - 1}," if first else ","
         got = f"{len(self.matrices)}" + (f" from number {self.first} on" if self.first else "")
         cure = "cut them to the same frames"
@@ -105,7 +105,7 @@ class ObjectPoses:
 
 
 def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
-    """(N, 4, 4) one part's poses at (N,) times, of (T, 4, 4) at (T,) times that rise."""
+    """(N, 4, 4) poses of one part at (N,) times, interpolated from (T, 4, 4) at (T,) times."""
     usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     known = np.isfinite(poses).all((-1, -2))
     times, poses = times[known], poses[known]
@@ -127,7 +127,7 @@ def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
 
 
 def pose_field(record: Record, name: str, unit: str = "") -> Array:
-    """(T, 4, 4) or (T, Q, 4, 4) poses in a field, which may lack their last row, or the frames."""
+    """(T, 4, 4) or (T, Q, 4, 4) poses in a field that may lack their last row, or the axis T."""
     poses = record.array(name, *POSE_SHAPES, unit=unit, remedy=AS_MATRICES)
     return with_bottom_row(poses if poses.ndim > 2 else poses[None])
 
@@ -135,7 +135,7 @@ def pose_field(record: Record, name: str, unit: str = "") -> Array:
 def poses_of(
     given: Path | str | Array | None, where: str, unit: Unit | None = None
 ) -> ObjectPoses | None:
-    """The poses that a caller gives as an array or as their place on disk, with lengths in a unit.
+    """The poses that a caller passes as an array or as a path, with lengths in `unit`.
 
     Raises:
         InputError: they cannot be read, or are no poses; see `read_poses`.
@@ -155,9 +155,9 @@ def poses_of(
 def read_poses(path: Path) -> ObjectPoses:
     """The poses in a file, or in a folder with a text of a 4x4 matrix for each frame.
 
-    A file is a npy, an npz with one field of poses, or a trajectory in a table or JSON. Of a folder
-    as FoundationPose writes it, frames whose number is left out are NaN; names that are no numbers
-    of frames are times.
+    A file is a npy, an npz with one field of poses, or a trajectory in a table or JSON. In a
+    folder, as FoundationPose writes it, frames without a file get NaN; file names too large to be
+    frame numbers are timestamps.
     """
     if path.is_dir():
         return poses_in_folder(path)

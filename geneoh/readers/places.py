@@ -1,4 +1,4 @@
-"""A place of the world that a user gives as text or as numbers."""
+"""A point of the world that a user passes as text or as numbers."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ Place = tuple[float | int, float | int, float | int]
 
 
 def place_of(given: Any, caller: str) -> Place:
-    """A camera's place that is given in Python, as numbers or as `place_in` takes it."""
+    """A camera's position passed from Python, as numbers or as a text for `place_in`."""
     if not isinstance(given, str):
         record = Record(caller, {"camera": given}, "give X, Y and Z in metres, or 'origin'")
         x, y, z = record.array("camera", (3,)).tolist()
@@ -22,7 +22,7 @@ def place_of(given: Any, caller: str) -> Place:
 
 
 def place_in(text: str) -> Place:
-    """A place from `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
+    """A point from the text `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
     try:
         x, y, z = (0.0, 0.0, 0.0) if text.lower() == "origin" else map(float, text.split(","))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Find the clips of a source and read their recordings, with the caller's choices kept."""
+"""Find the clips of a source, read their recordings, and apply the caller's options."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -37,19 +37,19 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
     """Read one recording of a data set or an estimator, as `geneoh denoise --from` does.
 
     Args:
-        source: whose files they are, such as "hoi4d" or "hamer"; `geneoh convert --help` lists all.
+        source: the source's name, such as "hoi4d" or "hamer"; `geneoh convert --help` lists all.
         path: the file or folder of the recording, as the data set unpacks.
         clip: which recording, where the path holds several.
-        options: what the source leaves open, by the names of `geneoh.readers.base.ReaderOptions`:
-            `mano_dir`, `side`, `fps`, `focal` and so on. In place of `meshes` it is `obj`, the mesh
-            of the object or its file, or one per rigid part, with `unit`, that of the files.
-            `object_pose` may be an array, or what `geneoh.readers.object_poses.read_poses` reads,
-            in the unit that `keypoint_unit` says, and `camera` be "origin".
+        options: fields of `geneoh.readers.base.ReaderOptions`, such as `mano_dir`, `side`, `fps` or
+            `focal`. Instead of `meshes` pass `obj`, the mesh of the object or its file, or one per
+            rigid part, and `unit`, the unit of the files. `object_pose` may be an array, or a path
+            that `geneoh.readers.object_poses.read_poses` reads, with lengths in `keypoint_unit`;
+            `camera` may be "origin".
 
     Raises:
-        ConfigError: there is no source of that name, or it makes no use of one of the options.
-        InputError: a file cannot be read, or several recordings are there and `clip` is not given.
-        MissingAssetError: a file that the user must supply is not there.
+        ConfigError: there is no source of that name, or it does not use one of the options.
+        InputError: a file cannot be read, or there are several recordings and no `clip` is passed.
+        MissingAssetError: a file that the user must supply is missing.
     """
     recording = read_one(source, Path(path), options_with_files(**options), clip)
     check_sequence(recording.sequence, recording.name)
@@ -63,7 +63,7 @@ def options_with_files(
     object_pose: Path | str | Array | None = None,
     **others: Any,
 ) -> ReaderOptions:
-    """Options with the files read that hold the object's meshes and poses; see `read`."""
+    """The options, after reading the files of the object's meshes and poses; see `read`."""
     kinds = get_type_hints(ReaderOptions) | {"unit": Unit}
     for name in others:
         if name not in kinds or name == "meshes":
@@ -89,7 +89,7 @@ def source_named(name: str) -> Source:
 def find_clips(source: Source, paths: list[Path], results: Path | None = None) -> list[SourceClip]:
     """Every clip of a source below some paths, each once; `InputError` for a path without any.
 
-    What lies in the folder of `results` below a path was written there, and is no clip.
+    Files in the output folder `results` do not count as clips, unless the path is inside it.
     """
     found: dict[Path, SourceClip] = {}
     for path in paths:
@@ -108,8 +108,8 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
 
 
 def with_distinct_names(clips: list[SourceClip], taken: Iterable[str] = ()) -> list[SourceClip]:
-    """Clips of one name with their ending, where a folder has files that differ in nothing else,
-    and with as much of the path in front as makes their names differ, also from those `taken`."""
+    """Clips with equal names made distinct, also from names `taken`: by the ending of files that
+    differ in it alone, and by as many parent folders as are needed."""
     taken = list(taken)
     longest = max((len(clip.path.resolve().parts) for clip in clips), default=0)
     count = Counter([*taken, *(clip.name for clip in clips)])
@@ -132,7 +132,7 @@ def with_distinct_names(clips: list[SourceClip], taken: Iterable[str] = ()) -> l
 
 
 def ending_of(path: Path) -> str:
-    """What follows the first dot of a file's name, fit for the end of a clip's name."""
+    """What follows the first dot of a file's name, as a suffix for a clip's name."""
     rest = path.name.partition(".")[2]
     return fit_for_name(rest and f"_{rest}")
 
@@ -141,9 +141,9 @@ def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[
     """The recordings of one clip, of those with one hand each the ones of the side asked for.
 
     Raises:
-        ConfigError: the source makes no use of one of the options.
-        InputError: a file of it cannot be read; the message names it.
-        MissingAssetError: it needs a file that the user must supply.
+        ConfigError: the source does not accept one of the options.
+        InputError: a file of the clip cannot be read; the message names it.
+        MissingAssetError: a file that the user must supply is missing.
     """
     return chosen(all_recordings(source, clip, options), clip, options)
 
@@ -163,7 +163,7 @@ def chosen(found: list[Recording], clip: SourceClip, options: ReaderOptions) -> 
 
 
 def refuse_unused(source: Source, options: ReaderOptions) -> None:
-    """Raise `ConfigError` where an option is given that the source makes no use of."""
+    """Raise `ConfigError` if an option is passed that the source does not accept."""
     plain, takes = ReaderOptions(), source.reader().takes
     for name in OF_SOME:
         given = getattr(options, name)
@@ -173,7 +173,7 @@ def refuse_unused(source: Source, options: ReaderOptions) -> None:
 
 
 def refuse_betas(recordings: list[Recording], clip: SourceClip) -> None:
-    """Raise where a hand's betas are not finite: they cannot be masked like a frame."""
+    """Raise `InputError` if a hand's betas are not finite: they cannot be masked like a frame."""
     for hand in (hand for recording in recordings for hand in recording.sequence.hands):
         if hand.betas is not None and not bool(hand.betas.isfinite().all()):
             raise InputError(
@@ -183,7 +183,7 @@ def refuse_betas(recordings: list[Recording], clip: SourceClip) -> None:
 
 
 def without_idle_hand(recording: Recording) -> Recording:
-    """Of two hands only the one that comes near the object; the other is idle beside the body."""
+    """The recording without the hand that never comes near the object, if the other one does."""
     sequence = recording.sequence
     idle: set[Side] = set()
     for hand in sequence.hands if len(sequence.hands) > 1 else ():
@@ -198,7 +198,7 @@ def without_idle_hand(recording: Recording) -> Recording:
 
 
 def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions) -> Recording:
-    """The recording with the caller's choices kept; `InputError` where they do not fit it."""
+    """The recording with only the caller's side; `InputError` if side or mesh do not fit it."""
     meshes = recording.sequence.object.meshes
     own = [each for mesh in options.meshes[:1] for each in (mesh, *mesh.parts)]
     if own and not any(mesh is each for mesh in meshes for each in own):
@@ -225,7 +225,7 @@ def _with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recordin
 
 
 def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = None) -> Recording:
-    """The one recording at a path, or the one of a name; `InputError` lists them if several."""
+    """The only recording at a path, or that named `clip`; if there are several, they are listed."""
     source = source_named(name)
     there = find_clips(source, [path])
     clips = [one for one in there if clip is None or clip.startswith(one.name)]

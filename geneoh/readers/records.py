@@ -1,6 +1,6 @@
-"""The named values of one file, taken out with their shape and kind checked.
+"""The named fields of one file, read with checks of their shape and type.
 
-Every refusal names the file and the field, what was expected, what came and what to do about it.
+Every error names the file and the field, what was expected, what was found and what to do.
 """
 
 import sys
@@ -28,7 +28,7 @@ from geneoh.readers.nested_lists import (
 Array = np.ndarray
 
 Notes = tuple[str, ...]
-"""What had to be assumed, in words."""
+"""Assumptions that were made while reading, as sentences."""
 
 FRAME_LIMIT = 3 * 10**5
 """Frames of one clip of a data set: almost three hours at 30 frames a second."""
@@ -37,7 +37,7 @@ AS_DISTRIBUTED = "check that this is the file of the data set, as it is distribu
 """What to do about a wrong field of a data set's file."""
 
 RESHAPE = "reshape it"
-"""How the remedy for a wrong field begins where the arrays are a user's own."""
+"""Beginning of the remedy for a wrong field where the arrays are a user's own."""
 
 OF_OBJECTS = "make numbers of it with astype(float)"
 """What to do about a caller's array of Python objects."""
@@ -48,12 +48,12 @@ class Record:
     """The fields of a file, or of a dict within it."""
 
     where: str
-    """The file and the way to the fields, for messages."""
+    """The file and the path to the fields within it, for messages."""
     values: Mapping[Any, Any]
     remedy: str = AS_DISTRIBUTED
-    """What to do about a wrong field, where its reader knows nothing better."""
+    """Default remedy that messages on wrong fields give."""
     most_frames: int = FRAME_LIMIT
-    """Frames that a field may have at most."""
+    """Largest number of frames of a field."""
 
     def __contains__(self, name: Any) -> bool:
         return name in self.values
@@ -66,10 +66,10 @@ class Record:
         )
 
     def array(self, name: Any, *shapes: Shape, unit: str = "", remedy: str = "") -> Array:
-        """Numbers of one of some shapes, as float64; axes of one are dropped or added to fit.
+        """A field in one of some shapes, as float64; axes of length 1 are dropped or added to fit.
 
-        An axis of frames comes first and is called "T". `unit` is what the numbers measure, as the
-        message shows it, such as "in metres".
+        An axis of frames comes first and is called "T". `unit`, such as "in metres", is for the
+        error message.
         """
         array = self.numbers(name)
         frames = len(array) if array.ndim and any(shape[:1] == ("T",) for shape in shapes) else 0
@@ -90,7 +90,7 @@ class Record:
                 "keep the first three numbers of each; where the fourth is a score, save it apart"
             )
         wanted = " or ".join(map(shown_shape, shapes))
-        nested = isinstance(self.values.get(name), list)  # whose shape is told, too
+        nested = isinstance(self.values.get(name), list)  # report the shape of lists, too
         told = replace(self, values={**self.values, name: array}) if nested else self
         raise told.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
 
@@ -99,12 +99,12 @@ class Record:
         return self.array(name, *shapes, **refusal) if name in self else None
 
     def tensor(self, name: Any, *shapes: Shape, **refusal: str) -> Tensor | None:
-        """As `optional_array`, but float32; what is too large for it becomes infinite."""
+        """As `optional_array`, but float32; numbers that are too large become infinite."""
         array = self.optional_array(name, *shapes, **refusal)
         return None if array is None else float32(array)
 
     def side_by_side(self, **widths: int) -> Array:
-        """(T, N) fields of (T, width) numbers each, one beside the other."""
+        """(T, N) fields concatenated by columns; arguments are the fields' names and widths."""
         shapes: dict[str, list[Shape]] = {name: [("T", width)] for name, width in widths.items()}
         for name, width in widths.items():
             shapes[name] += [("T",)] * (width == 1)
@@ -113,7 +113,7 @@ class Record:
         return np.concatenate(arrays, axis=1)
 
     def numbers(self, name: Any) -> Array:
-        """The field as float64, whatever its shape; null in a list, as of JSON, is NaN."""
+        """The field as float64, whatever its shape; null in a list of JSON becomes NaN."""
         value = self.values.get(name)
         if count_entries(value) > NUMBERS_LIMIT:
             raise self.refuse(name, f"at most {NUMBERS_LIMIT} numbers")
@@ -122,7 +122,7 @@ class Record:
             if array.dtype.kind == "O" and isinstance(value, list):
                 told = all(each is None or isinstance(each, int | float) for each in array.flat)
                 array = array.astype(np.float64) if told else array
-        except (ValueError, OverflowError):  # rows of other lengths, integers of any size
+        except (ValueError, OverflowError):  # rows of several lengths, or huge integers
             cure = "" if self.remedy == AS_DISTRIBUTED else "fill missing rows with NaN"
             raise self.refuse(name, "an array of numbers", cure) from None
         if array.dtype.kind not in "fiub":
@@ -222,25 +222,25 @@ class Record:
 
 
 def as_record(value: Any, where: str, remedy: str = AS_DISTRIBUTED) -> Record:
-    """A value that must be a dict; `remedy` is for this and for its fields."""
+    """The record of a value that must be a dict; `remedy` is for errors on it and its fields."""
     if not isinstance(value, dict):
         raise InputError(f"{where}: expected a dict of fields, got {described(value)}; {remedy}")
     return Record(where, value, remedy)
 
 
 def only(value: Any) -> Any:
-    """The entry of an array of one entry; any other value as it is."""
+    """The element of a one-element array; any other value unchanged."""
     return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
 
 
 def float32(values: Array) -> Tensor:
-    """float32, as all tracks are; what is too large for it becomes infinite, and is refused."""
+    """A float32 tensor, as all tracks are; numbers that are too large become infinite."""
     with np.errstate(over="ignore"):
         return torch.from_numpy(np.array(values, dtype=np.float32))
 
 
 def described(value: Any) -> str:
-    """What a value is, in few words."""
+    """A short description of a value for messages."""
     if isinstance(value, np.ndarray) and value.ndim:
         return f"{value.shape} of {value.dtype}"
     value = only(value)

@@ -1,7 +1,6 @@
 """The sources that can be read, with the licence of each and where to get it.
 
-A source's own module is imported only when its reader is asked for, so that the table costs no
-time at `--help`.
+A source's own module is imported only when its reader is requested, so that `--help` stays fast.
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ class Source:
     """A data set or an estimator whose files are read as they are distributed."""
 
     name: str
-    """On the command line, and of its reader."""
+    """Name on the command line, and of the reader in its module."""
     title: str
     holds: str
     licence: str
@@ -36,7 +35,7 @@ IN_MODULE = {
     **dict.fromkeys(("arctic_processed", "arcticnet"), "arctic"),
     **dict.fromkeys(("keypoints", "parameters"), "bare_arrays"),
 }
-"""The module of each source that is not in one of its own name."""
+"""The module of each source whose module has another name than the source."""
 
 TABLE = """
 grab | GRAB | two hands, object | non-commercial research | grab.is.tue.mpg.de
@@ -77,6 +76,6 @@ any program that writes them
 parameters | any MANO parameters | one hand (npy, npz, pkl; --side, --translation) | your own | \
 any program that writes them
 """
-"""Of each source its name, its title, what it holds, its licence and where to get it."""
+"""Columns: name, title, contents, licence, and where to get the source."""
 
 SOURCES = {row.split(" | ")[0]: Source(*row.split(" | ")) for row in TABLE.strip().splitlines()}

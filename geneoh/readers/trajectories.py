@@ -1,9 +1,9 @@
 """Trajectories of one object in tables and JSON, as trackers and robots write them.
 
-A row is a pose, object to the hand's frame: a place and a quaternion in columns or fields with
-names, such as `tx`, `qw`, `pose.position.x` or `q_RS_w []`, or a matrix in row-major order. Without
-names, rows of 8 numbers with spaces between them are those of TUM (time, place, quaternion with its
-real part last), rows of 12 those of KITTI, rows of 16 and blocks of 4 x 4 whole matrices.
+A row is a pose, object to the hand's frame: a translation and a quaternion in named columns or
+fields, such as `tx`, `qw`, `pose.position.x` or `q_RS_w []`, or a matrix in row-major order.
+Without names, space-separated rows of 8 numbers have TUM's format (time, translation, quaternion
+xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4 are whole matrices.
 """
 
 import re
@@ -30,26 +30,26 @@ from geneoh.readers.records import FRAME_LIMIT, Array
 from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
 
 PICKLES = (".pkl", ".pickle", ".p")
-"""Endings of files that may begin as a text does, and are none."""
+"""Endings of pickles, which may begin like a text."""
 
 TUM: list[str] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
-"""The columns of a trajectory of TUM, which has no heading."""
+"""Columns of a trajectory in TUM's format, which has no heading."""
 TO_NAME = (
     "name the columns in a heading, such as timestamp,x,y,z,qx,qy,qz,qw, or save (T, 4, 4) "
     "matrices with numpy.save"
 )
-"""What to do about a table that does not say what its columns are."""
+"""Remedy for a table whose columns are unknown."""
 
 LENGTH = 0.05
-"""Largest difference of a quaternion's length from 1: less are digits that were left out."""
+"""Largest difference of a quaternion's norm from 1, as rounded numbers may have."""
 
 FAST = 2000.0
-"""Poses a second at most, and a thousandth of it at least, by which the unit of times is told."""
+"""Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of numbers, NaN for what is none, and the names of the columns, if they have any."""
+    """Rows of numbers, NaN where a cell holds none, and the names of the columns, if any."""
 
     path: Path
     names: list[str]
@@ -61,7 +61,7 @@ class Table:
 
 
 def is_text(path: Path) -> bool:
-    """Whether a file is a text, by how it begins."""
+    """Whether a file is a text, judged by its first bytes and its ending."""
     try:
         head = head_of(path)
     except OSError as error:
@@ -71,10 +71,10 @@ def is_text(path: Path) -> bool:
 
 
 def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
-    """(T, 4, 4) poses in a table or in JSON, NaN for none.
+    """(T, 4, 4) poses in a table or in JSON, NaN where one is missing.
 
-    Also the number of the first frame, 0 where frames have none, and (T,) times in seconds, None
-    where it says none.
+    Also the number of the first frame, 0 without frame numbers, and (T,) times in seconds, None
+    without timestamps.
     """
     is_json = head_of(path).lstrip()[:1] in (b"{", b"[")
     found = table_in_json(read_json(path), path) if is_json else table_in_text(path)
@@ -98,7 +98,7 @@ def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
 
 
 def table_in_text(path: Path) -> Table:
-    """The rows of a text; lines of words in front of them may name the columns."""
+    """The table in a text; a heading above its rows may name the columns."""
     lines = [line.strip() for line in read_text(path).lstrip("\ufeff").splitlines()]
     lines = [line for line in lines if line]
     if lines and bop.are_results(lines[0]):
@@ -128,7 +128,7 @@ def table_in_text(path: Path) -> Table:
 
 
 def is_told(name: str) -> bool:
-    """Whether the name of a column says a coordinate, a time or the number of a frame."""
+    """Whether the name of a column denotes a coordinate, a time or a frame number."""
     return coordinate_in(name) is not None or plain_name(name) in CLOCK_NAMES
 
 
@@ -138,13 +138,13 @@ def is_of_numbers(line: str) -> bool:
 
 
 def cells_of(line: str, separator: str | None, comma: str = ".") -> list[str]:
-    """The cells of a line, with decimal points where commas do not separate them."""
+    """The cells of a line; commas that do not separate cells are replaced by `comma`."""
     cells = line.split(separator)
     return [(cell if separator == "," else cell.replace(",", comma)).strip(' "') for cell in cells]
 
 
 def table_in_json(value: Any, path: Path) -> Table:
-    """The rows of a JSON value: poses in a list, which may be named, or by numbers of frames."""
+    """The table in a JSON value: a list of poses, also in a field, or a dict by frame number."""
     beside: dict[str, Any] = {}
     if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
         items = sorted((int(number), each) for number, each in value.items())
@@ -165,9 +165,9 @@ def table_in_json(value: Any, path: Path) -> Table:
 
 
 def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, float]]:
-    """The numbers of a value by the way to them, such as `pose.position.x`.
+    """The numbers in a nested value with the path to each, such as `pose.position.x`.
 
-    Lists of three are x, y and z; those of four say in their name whether the real part is first.
+    Lists of three are x, y and z; the name of a list of four must contain `xyzw` or `wxyz`.
     """
     if isinstance(value, dict):
         for key, each in value.items():
@@ -204,7 +204,7 @@ def poses_in(table: Table) -> Array:
 
 
 def with_bottom_row(matrices: Array) -> Array:
-    """(..., 4, 4) of (..., 3, 4) matrices; those of four rows stay."""
+    """(..., 4, 4) from (..., 3, 4) matrices; matrices of four rows stay as they are."""
     if matrices.shape[-2] == 4:
         return matrices
     bottom = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*matrices.shape[:-2], 1, 4))
@@ -212,7 +212,7 @@ def with_bottom_row(matrices: Array) -> Array:
 
 
 def named_poses(table: Table) -> Array:
-    """(T, 4, 4) poses by the names of the columns: place and quaternion, or a matrix."""
+    """(T, 4, 4) poses from named columns: translation and quaternion, or a matrix."""
     said = {name: found for name in table.names if (found := coordinate_in(name))}
     turn = columns_of({name: at for name, at in said.items() if at.is_turn}, "xyzw")
     places = {name: at for name, at in said.items() if not at.is_turn}
@@ -241,7 +241,7 @@ def named_poses(table: Table) -> Array:
 
 
 def numbers_of_lists(table: Table) -> list[list[int]]:
-    """The columns of each list of numbers, and together those that name no coordinate or time."""
+    """Columns of each list (`name[i]`), and in a group of their own those with unknown names."""
     found: dict[str, list[int]] = {}
     for at, name in enumerate(table.names):
         label = name.partition("[")[0] if name.endswith("]") else ""
@@ -251,21 +251,21 @@ def numbers_of_lists(table: Table) -> list[list[int]]:
 
 
 def columns_of(said: dict[str, Coordinate], axes: str) -> list[str]:
-    """The names of the columns of some axes in order; none where one is missing or there twice."""
+    """The columns of some axes, in order; none if an axis is missing or occurs twice."""
     by_axis = {axis: [name for name, at in said.items() if at.axis == axis] for axis in axes}
     names = [name for found in by_axis.values() for name in found]
     return names if all(len(found) == 1 for found in by_axis.values()) else []
 
 
 def column_called(table: Table, names: Iterable[str]) -> tuple[str, Array] | None:
-    """The first of some names that a column has, and its numbers, if all are finite."""
+    """The first of some names whose column holds finite numbers only, and those numbers."""
     called = columns_called(table.names, names)
     found = ((name, table.rows[:, table.names.index(column)]) for name, column in called)
     return next((each for each in found if np.isfinite(each[1]).all()), None)
 
 
 def in_seconds(path: Path, name: str, values: Array) -> Array:
-    """(T,) times in seconds, in the unit that their name says, else by their steps."""
+    """(T,) times in seconds; the unit follows from their name, else from their steps."""
     refuse_fall(path, name, values)
     unit = TIME_NAMES[name]
     if unit is None and len(values) > 1:
@@ -274,7 +274,7 @@ def in_seconds(path: Path, name: str, values: Array) -> Array:
 
 
 def refuse_fall(path: Path, name: str, values: Array) -> None:
-    """Refuse times or numbers of frames that do not rise."""
+    """Refuse timestamps or frame numbers that do not increase."""
     if len(wrong := np.flatnonzero(np.diff(values) <= 0)):
         before, after = (f"{value:.15g}" for value in values[wrong[0] : wrong[0] + 2])
         raise InputError(

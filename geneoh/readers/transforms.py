@@ -11,9 +11,9 @@ from geneoh.geometry.rotations import is_rotation
 from geneoh.readers.records import Array, Record
 
 SINGULAR = 1e-12
-"""Determinant below which a matrix counts as one that cannot be inverted."""
+"""Determinant below which a matrix counts as singular."""
 BOTTOM_ROW_TOLERANCE = 1e-4
-"""Largest difference of an entry of the last row of a pose from that of 0 0 0 1."""
+"""Largest deviation of the last row of a pose from 0 0 0 1, in any entry."""
 LARGEST_QUATERNION = 1e6  # sum of absolute values beyond which it is no rotation
 
 
@@ -25,7 +25,7 @@ def rigid_matrices(rotation: Array, translation: Array) -> Array:
 
 
 def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None = None) -> None:
-    """Refuse (T, ..., 4, 4) poses, in known frames and without NaN, not of column vectors."""
+    """Refuse (T, ..., 4, 4) poses whose last row is not 0 0 0 1; NaN and unknown frames pass."""
     off = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(-1) > BOTTOM_ROW_TOLERANCE
     off &= ~np.isnan(poses).any((-1, -2))
     if known is not None:
@@ -42,7 +42,7 @@ def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None =
 
 
 def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
-    """Refuse (T, ..., 3, 3) matrices of a field that are no rotations; NaN or zeros are none."""
+    """Refuse (T, ..., 3, 3) matrices that are no rotations; those of NaN or zeros are missing."""
     given = np.isfinite(matrices).all((-1, -2)) & matrices.any((-1, -2))
     wrong = np.argwhere(given & ~is_rotation(torch.from_numpy(matrices)).numpy())
     if len(wrong):
@@ -54,7 +54,7 @@ def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
 
 
 def read_turns(record: Record, name: str, *counts: int, remedy: str = "") -> Array:
-    """(T, J, 3) axis-angle or (T, J, 3, 3) matrices, which are checked, of so many joints."""
+    """(T, J, 3) axis-angle, or (T, J, 3, 3) matrices after a check; J is one of `counts`."""
     shapes = [s for n in counts for s in (("T", 3 * n), ("T", n, 3), ("T", n, 3, 3))]
     turns = record.array(name, *shapes, unit="in radians", remedy=remedy)
     if turns.ndim < 4:
@@ -66,7 +66,7 @@ def read_turns(record: Record, name: str, *counts: int, remedy: str = "") -> Arr
 def converted(
     values: Array, usable: Array, convert: Callable[[Array], Array], *shape: int
 ) -> Array:
-    """(..., *shape) of (...) values what `convert` makes of the usable ones; NaN for the others."""
+    """(..., *shape) results of `convert` for the usable values; NaN for the others."""
     result = np.full((*usable.shape, *shape), np.nan)
     if usable.any():
         result[usable] = convert(values[usable])
@@ -86,19 +86,19 @@ def axis_angles(rotations: Array) -> Array:
 
 
 def are_rotations(quaternions: Array) -> Array:
-    """(...) whether (..., 4) quaternions of any length and order are neither zero nor infinite."""
+    """(...) whether (..., 4) quaternions of any norm and order are neither zero nor infinite."""
     size = np.abs(quaternions).sum(-1)
     return (size > 0.1) & (size < LARGEST_QUATERNION)
 
 
 def axis_angles_of_wxyz(quaternions: Array) -> Array:
-    """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for none."""
+    """(..., 3) axis-angle vectors of (..., 4) quaternions wxyz; NaN for what is no rotation."""
     xyzw, usable = np.roll(quaternions, -1, axis=-1), are_rotations(quaternions)
     return converted(xyzw, usable, lambda q: Rotation.from_quat(q).as_rotvec(), 3)
 
 
 def rigid_of_xyzw(poses: Array) -> Array:
-    """(..., 4, 4) of (..., 7) quaternions, real part last, and places; NaN for no rotation."""
+    """(..., 4, 4) from (..., 7) quaternions xyzw and translations; NaN for what is no rotation."""
 
     def matrices(found: Array) -> Array:
         return rigid_matrices(Rotation.from_quat(found[:, :4]).as_matrix(), found[:, 4:])
@@ -116,5 +116,5 @@ def inverse(matrices: Array, where: str) -> Array:
 
 
 def moved_points(points: Array, frame: Array) -> Array:
-    """(..., P, 3) points taken into another frame by (..., 4, 4) matrices, or by (4, 4) all."""
+    """(..., P, 3) points transformed by (..., 4, 4) matrices, or all of them by one (4, 4)."""
     return points @ frame[..., :3, :3].swapaxes(-1, -2) + frame[..., None, :3, 3]

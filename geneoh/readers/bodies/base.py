@@ -1,4 +1,4 @@
-"""What every reader of a body's motion gives: one recording, in a world with y up."""
+"""The recording that all readers of body motion return, in a world with y up."""
 
 from dataclasses import dataclass, replace
 
@@ -19,9 +19,9 @@ from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0
 """Limits in metres of the height of the head above the lower foot in the rest pose."""
 FAR_UP = 10.0
-"""Metres above or below the origin at which no pelvis of a recording usually is."""
+"""Height in metres above or below the origin that a recorded pelvis hardly reaches."""
 FAST = 15.0
-"""Metres a second that no pelvis does in half of all frames."""
+"""Median speed in metres a second that no pelvis reaches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +29,14 @@ class BodyRecording(Bundle):
     """One body over T frames, as a file has it, but in metres and in a world with y up."""
 
     motion: BodyMotion
-    """With the fingers of the file where it has them (`has_fingers`), else flat hands."""
+    """With the finger poses of the file if it has them (`has_fingers`), else with flat hands."""
     skeleton: Skeleton
     rest_root: Float[Tensor, " 3"]
-    """The pelvis of the body model at rest, metres: what SMPL's translation lacks of the pelvis.
-    Zero where the model is not known."""
+    """Pelvis of the body model at rest, metres: the pelvis is SMPL's translation plus this. Zero if
+    the model is unknown."""
     fps: float
     source: str
-    """The file and its layout, in words."""
+    """The file and its layout."""
     up: Axis = "y"
     """Axis of the file's world that points up."""
     has_fingers: bool = False
@@ -44,9 +44,9 @@ class BodyRecording(Bundle):
     """SMPL's shape coefficients, as the file has them."""
     gender: str = "neutral"
     sentences: tuple[str, ...] = ()
-    """What the file says that the hands do, in any of several wordings."""
+    """The file's descriptions of what the hands do; each is another wording."""
     notes: Notes = ()
-    """What had to be assumed, in words."""
+    """Assumptions that were made, as sentences."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
@@ -65,10 +65,10 @@ class BodyRecording(Bundle):
 def upright_body(
     motion: BodyMotion, skeleton: Skeleton, given: Axis | None, *, usual: Axis | None = None
 ) -> tuple[BodyMotion, Axis, Notes]:
-    """A motion in the world of a file with y up instead; the axis that was up; what was assumed.
+    """A motion rotated from a file's world to one with y up, the file's up axis, and notes.
 
-    Where nobody says which one that is, it is the `usual` one of such files, else the one along
-    which the spine points on average.
+    The up axis is the caller's (`given`), else the `usual` one of such files, else the axis nearest
+    to the mean direction of the spine.
     """
     posed = pose(skeleton, motion).positions
     spine = nearest_axis((posed[:, JOINT_NAMES.index("neck")] - posed[:, 0]).mean(0))
@@ -84,7 +84,7 @@ def upright_body(
 
 
 def body_at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
-    """The same motion at about `fps` frames a second; the first and last moment stay frames."""
+    """The motion resampled to about `fps` frames a second; the first and the last frame stay."""
     steps = (recording.frames - 1) * fps / recording.fps
     if not steps < MOST_FRAMES:
         raise InputError(
@@ -102,7 +102,7 @@ def body_at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
 
 
 def checked_body(recording: BodyRecording) -> BodyRecording:
-    """The recording, unless it can be no body in metres, radians and frames a second."""
+    """The recording; `InputError` if frame rate, numbers or height cannot be those of a body."""
     name = recording.source
     if not SMALLEST_FPS <= recording.fps <= LARGEST_FPS:
         raise InputError(
@@ -128,7 +128,7 @@ def checked_body(recording: BodyRecording) -> BodyRecording:
 
 
 def about_place(recording: BodyRecording) -> Notes:
-    """A note where the pelvis is or moves as one does whose place is not in metres."""
+    """A note if height or speed of the pelvis suggest that positions are not in metres."""
     root = recording.motion.root
     far = float(root[:, 1].abs().max())
     speeds = recording.fps * root.diff(dim=0).norm(dim=-1)

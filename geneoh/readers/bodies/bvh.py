@@ -1,9 +1,9 @@
-"""BVH of any program as a body of 52 joints, and such a body as a BVH.
+"""Convert the BVH of any program to a body of 52 joints, and such a body to a BVH.
 
-A BVH's rest pose, its joints' frames, unit and axes are its own. Each joint of ours gets the frame
-in which it is at rest in our T-pose: R_ours = R_bvh @ D, where D turns our bone at rest into the
-BVH's. The skeleton is the BVH's, so that all joints which it has stay exactly where they are, but
-for motion of joints of the spine that ours does not have.
+Each BVH has its own rest pose, joint frames, unit and axes. Each joint of ours gets the frame in
+which it is at rest in our T-pose: R_ours = R_bvh @ D, where D rotates our bone at rest to the
+BVH's. Bone lengths are the BVH's, so all of its joints keep their exact positions, except for
+motion of spine joints that our skeleton lacks.
 """
 
 import io
@@ -31,10 +31,10 @@ from geneoh.readers.npz.layouts import quoted
 from geneoh.sequence.body_hands import hand_offsets
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "CMU's unit": 0.056444}
-"""Metres of the units that programs write; CMU's skeletons are in inches / 0.45."""
-TYPICAL_LEG = 0.85  # metres from hip to ankle; of arms, where there are no legs, 0.55
-TYPICAL_ARM = 0.55
-SNAP = 0.8  # cosine above which a direction of the rest pose counts as that of an axis
+"""Units that programs write, in metres; CMU's skeletons are in inches / 0.45."""
+TYPICAL_LEG = 0.85  # metres from hip to ankle
+TYPICAL_ARM = 0.55  # metres from shoulder to wrist, for skeletons without legs
+SNAP = 0.8  # cosine above which a direction of the rest pose is snapped to an axis
 LIMBS = (("hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist", "middle1"))
 DIRECTED = {
     f"{side}_{joint}": f"{side}_{after}"
@@ -42,7 +42,7 @@ DIRECTED = {
     for limb in LIMBS
     for joint, after in pairwise(limb)
 }
-"""The joint towards which the bone of another one points."""
+"""The joint at the other end of each joint's bone."""
 CM = 100.0
 ROOT_CHANNELS = "CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation"
 TURN_CHANNELS = "CHANNELS 3 Zrotation Yrotation Xrotation"
@@ -65,7 +65,7 @@ def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) ->
         )
     skeleton, motion, unit = as_body(file, found, path)
     motion, up, notes = upright_body(motion, skeleton, up)
-    same = fps is not None and abs(fps - file.fps) <= 0.05  # programs round the time of a frame
+    same = fps is not None and abs(fps - file.fps) <= 0.05  # programs round the frame time
     rate, _ = rate_of(file.fps, file.fps if same else fps, str(path))
     notes = (*notes, f"lengths are taken as {unit}")
     fingers = all(f"{side}_{finger}1" in found for side in SIDES for finger in FINGER_WORDS)
@@ -96,7 +96,7 @@ def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton,
     world: list[Tensor] = []
     for joint, name in enumerate(JOINT_NAMES):
         index = found.get(name)
-        # a joint that the file lacks moves as the one that it hangs on
+        # a joint that the file lacks rotates with its parent
         turn = world[PARENTS[joint]] if index is None else rotations[:, index] @ turns[name]
         world.append(turn)
     root = metres * places[:, found["pelvis"]]
@@ -108,7 +108,7 @@ def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton,
 
 
 def unit_of(rest: Float[Tensor, "J 3"], found: dict[str, int]) -> tuple[str, float]:
-    """The unit in which legs, or else arms, are nearest to as long as an adult's."""
+    """The unit in which legs, or else arms, are nearest to an adult's in length; its metres."""
     for names, typical in ((("hip", "knee", "ankle"), TYPICAL_LEG), (NEEDED[:3], TYPICAL_ARM)):
         chain = [name if "_" in name else f"left_{name}" for name in names]
         if all(name in found for name in chain):
@@ -122,7 +122,7 @@ def unit_of(rest: Float[Tensor, "J 3"], found: dict[str, int]) -> tuple[str, flo
 
 
 def rest_turns(rest: dict[str, Float[Tensor, " 3"]]) -> dict[str, Float[Tensor, "3 3"]]:
-    """D of every joint that the file has: from our T-pose to its rest pose."""
+    """D of every joint: the rotation from our T-pose to the rest pose of the file."""
     facing = facing_of(rest)
     ours = embedded_skeleton().offsets
     turns: dict[str, Tensor] = {}
@@ -138,13 +138,13 @@ def rest_turns(rest: dict[str, Float[Tensor, " 3"]]) -> dict[str, Float[Tensor, 
 
 
 def next_finger(joint: int) -> str:
-    """The finger joint that hangs on a finger joint; empty for others."""
+    """The child of a finger joint; empty for other joints."""
     after = children_of(joint) if joint > max(WRISTS.values()) else []
     return JOINT_NAMES[after[0]] if after else ""
 
 
 def facing_of(rest: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, "3 3"]:
-    """The turn from our T-pose to how a rest pose stands and faces: by axes where nearly so."""
+    """The rotation from our T-pose to the up and left of a rest pose, snapped to axes if near."""
     left = rest["left_shoulder"] - rest["right_shoulder"]
     middle = (rest["left_shoulder"] + rest["right_shoulder"]) / 2
     up = snapped(middle - rest["pelvis"])
@@ -154,14 +154,14 @@ def facing_of(rest: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, "3 3"]:
 
 
 def snapped(direction: Float[Tensor, " 3"]) -> Float[Tensor, " 3"]:
-    """The unit vector of a direction, or of the axis that it nearly is."""
+    """The unit vector of a direction, or of the axis that it nearly follows."""
     unit = normalize(direction, dim=0)
     size, index = unit.abs().max(dim=0)
     return torch.eye(3)[index] * unit[index].sign() if size > SNAP else unit
 
 
 def _between(joint: int, places: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, " 3"] | None:
-    """Where a joint that a file lacks stands on the straight way to one that hangs on it."""
+    """Position of a missing joint on the line from its parent to its nearest known descendant."""
     level, steps = children_of(joint), 1
     while level and not any(JOINT_NAMES[child] in places for child in level):
         level, steps = [deeper for child in level for deeper in children_of(child)], steps + 1
@@ -188,17 +188,17 @@ def bvh_text(skeleton: Skeleton, motion: BodyMotion, fps: float) -> str:
 
 
 def children_of(joint: int) -> list[int]:
-    """The joints that hang on a joint."""
+    """The children of a joint."""
     return [child for child, parent in enumerate(PARENTS) if parent == joint]
 
 
 def written_order(joint: int = 0) -> list[int]:
-    """The joints in the order of a hierarchy: each with all that hangs on it."""
+    """The joints in depth-first order, as a BVH hierarchy lists them."""
     return [joint, *(each for child in children_of(joint) for each in written_order(child))]
 
 
 def hierarchy(skeleton: Skeleton, joint: int, depth: int) -> list[str]:
-    """The lines of a joint and of all that hangs on it."""
+    """The lines of a joint and of all its descendants."""
     tab, below = "\t" * depth, children_of(joint)
     lines = [f"{tab}{'JOINT' if joint else 'ROOT'} {JOINT_NAMES[joint]}", f"{tab}{{"]
     lines += [f"{tab}\tOFFSET {centimetres(skeleton.offsets[joint])}"]
@@ -212,7 +212,7 @@ def hierarchy(skeleton: Skeleton, joint: int, depth: int) -> list[str]:
 
 
 def end_of(skeleton: Skeleton, joint: int) -> Float[Tensor, " 3"]:
-    """The end of a chain: a fingertip, or for head and toes as much again as their bone."""
+    """Offset of the end of a chain: a fingertip, or for head and toes their own offset again."""
     for side in SIDES:
         if joint > WRISTS["right"] and JOINT_NAMES[joint].startswith(side):
             finger = (joint - JOINT_NAMES.index(f"{side}_index1")) // 3
@@ -221,5 +221,5 @@ def end_of(skeleton: Skeleton, joint: int) -> Float[Tensor, " 3"]:
 
 
 def centimetres(point: Float[Tensor, " 3"]) -> str:
-    """Three numbers of a BVH."""
+    """A point as three numbers in centimetres, for a line of a BVH."""
     return " ".join(f"{value:.6f}" for value in (CM * point).tolist())

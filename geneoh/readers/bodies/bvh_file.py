@@ -1,7 +1,7 @@
-"""BVH files as they are: a tree of joints with offsets, and channels over the frames.
+"""Parse BVH files: a tree of joints with offsets, and channels over the frames.
 
-Our own reader: of the libraries in the registry one refuses joints with position channels, which
-many exporters write, and one never ends on a truncated file.
+This is our own parser, because of the existing libraries one refuses joints with position channels,
+which many exporters write, and one never returns on a truncated file.
 """
 
 import re
@@ -21,7 +21,7 @@ from geneoh.readers.nested_lists import NUMBERS_LIMIT
 from geneoh.readers.records import FRAME_LIMIT, Array, float32
 
 SIZE_LIMIT = 2**28
-"""Bytes of a BVH: an hour of a body with fingers at 30 frames a second."""
+"""Largest BVH in bytes: an hour of a body with fingers at 30 frames a second."""
 MOST_JOINTS = 1000
 CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
 DAMAGED = "export it again"
@@ -45,9 +45,9 @@ class BvhFile:
     joints: tuple[BvhJoint, ...]
     fps: float
     rotations: Float[Tensor, "T J 3 3"]
-    """Each joint's in its parent's frame; the identity at rest."""
+    """Rotation of each joint in its parent's frame; the identity at rest."""
     offsets: Float[Tensor, "T J 3"]
-    """Each joint from its parent, of the root from the origin, in its parent's frame."""
+    """Position of each joint in its parent's frame; of the root in the world."""
 
     @property
     def parents(self) -> list[int]:
@@ -55,14 +55,14 @@ class BvhFile:
         return [joint.parent for joint in self.joints]
 
     def rest(self) -> Float[Tensor, "J 3"]:
-        """Places of the joints at rest, with the root at the origin."""
+        """Positions of the joints at rest, with the root at the origin."""
         places = np.zeros((len(self.joints), 3))
         for index, joint in enumerate(self.joints[1:], 1):
             places[index] = places[joint.parent] + joint.offset
         return float32(places)
 
     def posed(self) -> tuple[Float[Tensor, "T J 3"], Float[Tensor, "T J 3 3"]]:
-        """Places and rotations of the joints in the file's world."""
+        """Positions and rotations of the joints in the file's world."""
         return kinematics.tree_kinematics(
             self.rotations, self.offsets[:, 0], self.offsets[:, 1:], self.parents
         )
@@ -136,7 +136,7 @@ def numbers_of(words: list[str], path: Path) -> tuple[float, ...]:
 
 
 def channels_of(words: list[str], path: Path) -> list[str]:
-    """The names of a joint's channels, which must be as many as said, and each only once."""
+    """The names of a joint's channels; their number must be as stated, and each occurs once."""
     names = [name for word in words[1:] for name in [CHANNEL.fullmatch(word)] if name]
     found = [name[1].upper() + name[2].lower() for name in names]
     turns = [name for name in found if name.endswith("rotation")]
@@ -147,7 +147,7 @@ def channels_of(words: list[str], path: Path) -> list[str]:
 
 
 def _read_motion(text: str, channels: int, path: Path) -> tuple[Array, float]:
-    """(T, C) values of the channels, and the seconds of a frame."""
+    """(T, C) values of the channels, and the frame time in seconds."""
     head = re.match(r"\s*Frames:\s*(\d+)\s+Frame\s+Time:\s*(\S+)\s", text, re.IGNORECASE)
     try:
         frames, seconds = (int(head[1]), float(head[2])) if head else (0, 0.0)
@@ -177,7 +177,7 @@ def _read_motion(text: str, channels: int, path: Path) -> tuple[Array, float]:
 def posed_channels(
     joints: list[BvhJoint], values: Array
 ) -> tuple[Float[Tensor, "T J 3 3"], Float[Tensor, "T J 3"]]:
-    """Local rotations and offsets: a joint's position channels stand for its offset."""
+    """Local rotations and offsets: a joint's position channels replace its offset."""
     offsets = np.tile([joint.offset for joint in joints], (len(values), 1, 1))
     turns = np.tile(np.eye(3), (len(values), len(joints), 1, 1))
     start = 0

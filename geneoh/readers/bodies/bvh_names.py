@@ -1,4 +1,4 @@
-"""Which joint of a BVH is which joint of the body: by the names that common programs give.
+"""Match the joints of a BVH with those of the body, by the names that common programs use:
 
 Mixamo, MotionBuilder, CMU, Blender (Rigify), Biped, DAZ, Xsens, Rokoko, mocopi, VRoid, Character
 Creator, Unreal and SMPL.
@@ -13,7 +13,7 @@ WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 LEFT, RIGHT = {"left", "l", "lft"}, {"right", "r", "rgt"}
 EMPTY = {"mixamorig", "bip", "b", "j", "jnt", "joint", "def", "bone", "bn", "m", "f", "avg", "ctrl"}
 EMPTY |= {"character", "cc", "base", "c"}
-"""Words in names that say nothing of the joint."""
+"""Words in names that do not identify the joint."""
 
 STEMS: dict[str, tuple[str, ...]] = {
     "hip": ("upleg", "thigh", "upperleg", "thighbend", "hip"),
@@ -25,8 +25,8 @@ STEMS: dict[str, tuple[str, ...]] = {
     "elbow": ("elbow", "forearm", "lowerarm", "forearmbend", "loarm", "lowarm"),
     "wrist": ("wrist", "hand"),
 }
-"""Names of the joints that there are two of, the plainest first: "LeftShoulder" is the joint of the
-arm only where no other one is, and the collar otherwise."""
+"""Names of paired joints, the least ambiguous first: "LeftShoulder" is the shoulder joint only if
+no other joint is, and the collar otherwise."""
 MIDDLE: dict[str, tuple[str, ...]] = {
     "pelvis": ("pelvis", "hips", "hip"),
     "neck": ("neck", "neck1", "neck0"),
@@ -44,7 +44,7 @@ NEEDED = tuple(f"{side}_{part}" for side in SIDES for part in ("shoulder", "elbo
 
 
 def match_joints(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
-    """Of each joint of the body that a file has its index there."""
+    """The index in a file of each body joint that the file has."""
     keys = [key_of(name) for name in names]
     by_key: dict[tuple[str, str], int] = {}
     for index, key in enumerate(keys):
@@ -67,7 +67,7 @@ def match_joints(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]
 
 
 def key_of(name: str) -> tuple[str, str]:
-    """The side of a joint's name, or none, and what is left of the name, in lower case."""
+    """The side in a joint's name, or "", and the rest of the name in lower case."""
     words = [word.lower() for word in WORDS.findall(name.rsplit(":", 1)[-1])]
     side = next((word for word in words if word in LEFT | RIGHT), "")
     rest = [word for word in words if word != side and word not in EMPTY]
@@ -78,7 +78,7 @@ def key_of(name: str) -> tuple[str, str]:
 
 
 def fingers(side: str, by_key: dict[tuple[str, str], int]) -> dict[str, int]:
-    """The finger joints of one side, where each has its three."""
+    """The finger joints of one side, for fingers with all three of them."""
     found = {}
     for finger, words in FINGER_WORDS.items():
         for word in words:
@@ -90,7 +90,7 @@ def fingers(side: str, by_key: dict[tuple[str, str], int]) -> dict[str, int]:
 
 
 def spine(found: dict[str, int], parents: Sequence[int]) -> dict[str, int]:
-    """The joints between pelvis and arms: spine1, spine2, and spine3, on which the arms hang."""
+    """The joints between pelvis and arms: spine1, spine2, and spine3, where the arms branch off."""
     pelvis = found["pelvis"]
     shoulders = [found[f"{side}_shoulder"] for side in SIDES if f"{side}_shoulder" in found]
     arms = [above(shoulder, parents) for shoulder in shoulders]
@@ -108,7 +108,7 @@ def spine(found: dict[str, int], parents: Sequence[int]) -> dict[str, int]:
 
 
 def above(joint: int, parents: Sequence[int]) -> list[int]:
-    """The joint and all that it hangs on, up to the root."""
+    """The joint and its ancestors, up to the root."""
     chain = [joint]
     while parents[chain[-1]] >= 0:
         chain.append(parents[chain[-1]])

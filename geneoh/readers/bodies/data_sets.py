@@ -1,4 +1,4 @@
-"""Data sets of bodies with fingers: where their recordings are, and what is said of the hands.
+"""Data sets of bodies with fingers: their recordings, and their sentences on the hands.
 
 BOTH57M: files of clips, each with sentences on its hands. Motion-X: `motion_data/smplx_322` with
 `texts/semantic_labels` (of a recording) and `texts/hand_texts` (of each frame). AMASS: no
@@ -26,9 +26,9 @@ FILES: dict[BodySource, tuple[str, ...]] = {
 }
 """Names of the files that hold bodies."""
 MOTION_DATA = ("motion_data", "smplx_322")
-"""Folders of Motion-X's bodies; the arrays in `face_motion_data` are none."""
+"""Folders of Motion-X's bodies; the arrays in `face_motion_data` are no bodies."""
 SAME_RECORDING = (r"subset_\d+/", r"(?i:_clip_?\d+)+$", r"(?<=/)M(?=\d{6}$)")
-"""Parts of Motion-X's names in which clips of one recording, or one and its mirror, differ."""
+"""Parts of Motion-X's names in which clips of one recording, or a clip and its mirror, differ."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class SourceBody:
     body: BodyRecording
     """Its `sentences` hold for all frames."""
     group: str
-    """The recording or the person; clips of one group are much alike."""
+    """The recording or the person; clips of one group are too similar for a validation split."""
     by_frame: Mapping[int, str] = field(default_factory=dict)
-    """What is said of the hands in a single frame."""
+    """Sentences on the hands in single frames, by frame number."""
 
 
 def body_files(source: BodySource, path: Path) -> list[Path]:
@@ -93,7 +93,7 @@ def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
         group = re.sub(part, "", group)
     body = read_body(file, model=model)
     labels, by_frame = texts / "semantic_labels" / f"{name}.txt", {}
-    if labels.exists():  # HumanML3D's lines have the words' kinds after a #
+    if labels.exists():  # HumanML3D has parts of speech after a #
         said = (line.partition("#")[0].strip() for line in read_text(labels).splitlines())
         body = replace(body, sentences=tuple(line for line in said if line))
     if (hands := texts / "hand_texts" / f"{name}.json").exists():
@@ -103,5 +103,5 @@ def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
 
 
 def amass(file: Path, model: Path | None) -> Iterator[SourceBody]:
-    """One recording; those of a person are in one folder."""
+    """One recording; all recordings of a person are in one folder."""
     yield SourceBody(read_body(file, model=model), str(file.resolve().parent))

@@ -27,7 +27,7 @@ class RestBody(Bundle):
 
 
 def read_model(path: Path, betas: Float[Tensor, " S"] | None = None) -> RestBody:
-    """The joints of a person with these betas, by the official model's file (npz or pkl).
+    """The rest joints of a person with some betas, from the official model's file (npz or pkl).
 
     Raises:
         InputError: the file is no SMPL-H or SMPL-X model; no code in it is run.
@@ -49,7 +49,7 @@ def read_model(path: Path, betas: Float[Tensor, " S"] | None = None) -> RestBody
 
 
 def check_tree(record: Record, chosen: list[int]) -> None:
-    """Refuse a model whose chosen joints do not hang together as SMPL-H's do."""
+    """Refuse a model whose chosen joints do not have the parents of SMPL-H's."""
     tree = record.array("kintree_table", (2, "J"))[0]
     wanted = [chosen[parent] for parent in PARENTS[1:]]
     if len(tree) <= max(chosen) or tree[chosen[1:]].tolist() != wanted:
@@ -57,7 +57,7 @@ def check_tree(record: Record, chosen: list[int]) -> None:
 
 
 def _shape_of(record: Record, count: int, betas: Float[Tensor, " S"] | None) -> Array:
-    """What betas add to the vertices at rest."""
+    """(V, 3) shape offsets that betas add to the vertices at rest."""
     if betas is None or not bool(betas.any()) or "shapedirs" not in record:
         return np.zeros((count, 3))
     dirs = record.array("shapedirs", (count, 3, "S"))

@@ -1,4 +1,4 @@
-"""A body's motion out of any file of one, and the object in its hands."""
+"""Read a body's motion from any supported file, and the object in its hands."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,13 +24,13 @@ from geneoh.sequence.sequence import ObjectTrack
 def read_bodies(
     path: Path | str, *, fps: float | None = None, up: Axis | None = None, model: Path | None = None
 ) -> Iterator[BodyRecording]:
-    """The bodies in a file, metres, y up, at its own frame rate: one, but for lists of BOTH57M.
+    """The bodies in a file, metres, y up, at its frame rate; several only in lists of BOTH57M.
 
     Args:
         path: npz by smplx names or of AMASS, npy of Motion-X, joblib list of BOTH57M, BVH, or what
-            `geneoh generate --body` wrote. Nothing in it is run.
-        fps: frames a second, where the file does not say.
-        up: axis of the file's world that points up, where neither its layout nor the body says.
+            `geneoh generate --body` wrote. No code in it is run.
+        fps: frames a second, if the file does not state it.
+        up: axis of the file's world that points up, if neither its layout nor the body shows it.
         model: the user's SMPL-H or SMPL-X model, for the skeleton of SMPL parameters.
 
     Raises:
@@ -52,7 +52,7 @@ def read_body(
 ) -> BodyRecording:
     """One body of a file; see `read_bodies`.
 
-    `clip` is its place in the list of a file with several, from 0; without it the first, noted.
+    `clip` is its index in a file with several, from 0; by default the first one, with a note.
     """
     index = clip or 0
     bodies = list(islice(read_bodies(path, fps=fps, up=up, model=model), index, index + 2))
@@ -80,16 +80,16 @@ def object_of_body(
     object_pose: Path | None = None,
     unit: Unit = "m",
 ) -> ObjectTrack:
-    """The object in the world of a body's file; without mesh and poses none, which has no meshes.
+    """The object in the world of a body's file; a track without meshes if there is no object.
 
     Args:
-        path: of the body. An npz may hold `obj_pose`, or `object_rotation` with
+        path: the body's file. An npz may hold `obj_pose`, or `object_rotation` with
             `object_translation`, and name its meshes, as a geneoh-sequence does.
-        frames: of the body, which are those of the object too.
+        frames: number of frames of the body, which the object must have, too.
         obj: mesh files, one per rigid part.
-        object_pose: poses of the object, object to world, in a file or folder that
-            `geneoh.readers.object_poses.read_poses` reads, where the file has none.
-        unit: of the mesh files.
+        object_pose: if the body's file has no object poses: poses, object to world, in a file or
+            folder that `geneoh.readers.object_poses.read_poses` reads.
+        unit: unit of the mesh files.
 
     Raises:
         InputError: a mesh without poses or the reverse, or poses of another number of frames.

@@ -1,8 +1,8 @@
 """Bodies as SMPL parameters: smplx names, AMASS, BOTH57M, Motion-X, and what geneoh writes itself.
 
-All hold the axis-angle of 22 body joints and a translation; they differ in names, in what stands
-beside the body, and in the axis that points up. Fingers are absolute (zero: the flat hand); others
-are left out.
+All hold the axis-angle of 22 body joints and a translation; they differ in names, in further
+fields, and in the axis that points up. Finger poses are absolute (zero: the flat hand); relative
+ones are left out.
 """
 
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ EXPECTED = (
 
 @dataclass(frozen=True)
 class Layout:
-    """The names under which one kind of file has a body."""
+    """The field names of one kind of file."""
 
     title: str
     root: str
@@ -70,16 +70,17 @@ LAYOUTS = (
     Layout("AMASS", "poses", "poses", "trans", (), "z"),
 )
 HANDS_IN_POSES = {156: 66, 165: 75}
-"""First number of the hands in AMASS's `poses` of SMPL-H, and of SMPL-X with jaw and eyes."""
+"""Index of the hands' first number in AMASS's `poses`, by their width: SMPL-H, and SMPL-X with jaw
+and eyes."""
 
 
 def read_smpl(
     path: Path, *, fps: float | None = None, up: Axis | None = None, model: Path | None = None
 ) -> Iterator[BodyRecording]:
-    """The bodies in an npz, npy, pickle or joblib file; one, but for the lists of BOTH57M.
+    """The bodies in an npz, npy, pickle or joblib file; several only in the lists of BOTH57M.
 
     Raises:
-        InputError: the file holds no such body, or one that cannot be one.
+        InputError: the file holds no such body, or an impossible one.
     """
     values = read_values(path)
     if isinstance(values, np.ndarray):
@@ -135,7 +136,7 @@ def _layout_of(record: Record) -> Layout:
 
 
 def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 3"], bool, Notes]:
-    """Rotations of all joints, whether the fingers are the file's, and what was assumed of them."""
+    """Rotations of all joints, whether the fingers come from the file, and notes on them."""
     if layout.root == layout.body:
         width = record.numbers(layout.body).shape[-1]
         if width < 3 * BODY_JOINTS:
@@ -160,13 +161,13 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
 
 
 def _turns_of(record: Record, name: str, *counts: int) -> Array:
-    """(T, 3J) axis-angle of one of so many joints, which may be matrices, as HMR 2.0 writes."""
+    """(T, 3J) axis-angle, from axis-angle or, as HMR 2.0 writes, matrices; J is one of `counts`."""
     turns = read_turns(record, name, *counts)
     return (turns if turns.ndim < 4 else axis_angles(turns)).reshape(len(turns), -1)
 
 
 def in_radians(record: Record, name: str, turns: Array) -> Array:
-    """(T, 3J) axis-angle of a field; `InputError` for turns of more than two rounds."""
+    """(T, 3J) axis-angle of a field; `InputError` for angles that must be degrees (over 4 pi)."""
     angles = np.linalg.norm(turns.reshape(-1, 3), axis=-1)
     if bool((angles[np.isfinite(angles)] > LARGEST_ANGLE).any()):
         raise record.refuse(name, "axis-angle in radians", "convert degrees to radians")
@@ -186,10 +187,10 @@ def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
 
 
 def absolute(record: Record, layout: Layout, fingers: Array | None) -> tuple[Array | None, Notes]:
-    """(T, 90) fingers, unless the file calls them relative to a mean pose; what was assumed.
+    """(T, 90) finger poses, None if the file states that they are relative to a mean; and notes.
 
-    smplx makes bodies with fingers relative to it (`flat_hand_mean=False`) where nobody asks for
-    other ones, so that a file by its names which does not say what they are gets a note.
+    Relative fingers (`flat_hand_mean=False`) are smplx's default. A file with smplx's names that
+    does not state the convention therefore gets a note.
     """
     said = record.optional_number("flat_hand_mean")
     if fingers is None or said or (said is None and layout.title != SMPLX):
@@ -203,7 +204,7 @@ def absolute(record: Record, layout: Layout, fingers: Array | None) -> tuple[Arr
 
 
 def betas_of(record: Record) -> Float[Tensor, " S"] | None:
-    """The shape coefficients; of one set per frame the mean."""
+    """The shape coefficients; if there is a set per frame, their mean."""
     betas = record.tensor("betas", ("S",), ("T", "S"))
     if betas is not None and not bool(betas.isfinite().all()):
         raise record.refuse("betas", "finite numbers", "correct or remove them")
@@ -211,7 +212,7 @@ def betas_of(record: Record) -> Float[Tensor, " S"] | None:
 
 
 def rest_body(record: Record, betas: Float[Tensor, " S"] | None, model: Path | None) -> RestBody:
-    """The person's joints at rest: by the user's model, by our own file, else the embedded ones."""
+    """The person's joints at rest: from the user's model, from our own file, else the embedded."""
     if model is not None:
         return read_model(model, betas)
     offsets = record.tensor(OFFSETS, (len(JOINT_NAMES), 3), unit="in metres")
@@ -241,8 +242,8 @@ def body_fields(body: BodyRecording) -> Arrays:
     """A body in the world of its file, with absolute finger poses (`flat_hand_mean=True`).
 
     `global_orient`, `body_pose`, `left_hand_pose`, `right_hand_pose` and `transl` are the arguments
-    of smplx; `poses`, `trans` and `mocap_frame_rate` say the same as AMASS does, for the SMPL-X
-    add-on of Blender.
+    of smplx; `poses`, `trans` and `mocap_frame_rate` repeat them under AMASS's names, for the
+    SMPL-X add-on of Blender.
     """
     motion = body.file_motion
     turns = matrix_to_axis_angle(motion.rotations).flatten(1).cpu().numpy()

@@ -1,1 +1,1 @@
-"""What contradicts geneoh's conventions in a sequence that was read."""
+"""Checks of a sequence that was read against geneoh's conventions."""

@@ -1,8 +1,7 @@
-"""Does a file follow its source's convention? Compares what the file states more than once.
+"""Does a file follow its source's convention? Compares redundant data of the file.
 
-Every check compares the sequence as it was read with stored keypoints or vertices, with what hands
-can do, or with another reading of the same numbers. A check yields a sentence for each
-contradiction.
+A check compares the sequence as it was read with stored keypoints or vertices, with the anatomy of
+hands, or with another interpretation of the same numbers. It yields a sentence per contradiction.
 """
 
 from collections.abc import Iterator
@@ -25,19 +24,20 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
 WRIST_LIMIT = 0.005
-"""Metres that the turning point of a stored mesh may be off; J0 is 96 mm long."""
+"""Largest distance in metres from the wrist to the centre of rotation of a stored mesh; J0 is 96 mm
+long."""
 POSE_LIMIT = 0.015
-"""Mean metres between stored keypoints and those of the pose with the best constant skeleton."""
+"""Largest mean distance in metres of stored keypoints from the pose on the best-fit skeleton."""
 POINT_LIMIT = 0.005
-"""Metres between a stored object and its mesh moved by its pose."""
+"""Largest mean distance in metres of a stored object from its mesh moved by its pose."""
 J0_SHARE = 0.3
-"""Share by which the length of J0 differs from hand to hand."""
+"""Relative difference in the length of J0 between hands."""
 LARGEST_CONDITION = 100.0
-"""Of the system that tells the turning point of a mesh: a hand that hardly turns shows none."""
+"""Largest condition number of the fit of the centre of rotation, which needs a hand that turns."""
 
 
 def contradictions(recording: Recording) -> list[str]:
-    """What contradicts the convention that a recording was read by; nothing when all agrees."""
+    """Contradictions of a recording with the convention that it was read by; empty if none."""
     sequence, stored = recording.sequence, recording.cross_checks
     found = list(stored.contradictions)
     try:
@@ -59,9 +59,9 @@ def contradictions(recording: Recording) -> list[str]:
 
 
 def doubts(sequence: Sequence, name: str) -> Iterator[str]:
-    """What is doubtful about a sequence before it is cleaned, each with the option that cures it.
+    """Warnings on a sequence before it is cleaned, each with the option that corrects the input.
 
-    `InputError` where the keypoints are certainly in another order; `name` is that of the file.
+    `InputError` if the keypoints are certainly in another order; `name` is the file's name.
     """
     about = {hand.side: list(doubts_of(hand, sequence, name)) for hand in sequence.hands}
     exchanged = len(about) == 2 and all(
@@ -80,7 +80,7 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
 
 
 def doubts_of(hand: HandTrack, sequence: Sequence, name: str) -> Iterator[str]:
-    """What is doubtful about one hand of a sequence; see `doubts`."""
+    """Warnings on one hand of a sequence; see `doubts`."""
     refuse_other_order(hand, name)
     away = float(distance_to_object(hand, sequence.object)[hand.valid].min())
     if away > TOUCHING_REACH:
@@ -95,7 +95,7 @@ def doubts_of(hand: HandTrack, sequence: Sequence, name: str) -> Iterator[str]:
 
 
 def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array] | None:
-    """(T, 21, 3) stored keypoints of a hand, and (T,) the frames that have them and the hand."""
+    """(T, 21, 3) stored keypoints of a hand, and the (T,) mask of frames with both of them."""
     joints = stored.joints.get(hand.side)
     if joints is None or hand.wrist is None:
         return None
@@ -104,7 +104,7 @@ def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array
 
 
 def check_wrist_position(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
-    """Whether the wrist is that of the stored keypoints."""
+    """Whether the wrist agrees with that of the stored keypoints."""
     found = stored_keypoints(hand, stored)
     if found is not None and hand.wrist is not None:
         joints, valid = found
@@ -114,7 +114,7 @@ def check_wrist_position(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
 
 
 def wrist_contradiction(off: Array, against: str) -> str:
-    """What a constant offset of the wrist means."""
+    """The sentence on a constant offset of the wrist, with its probable reason."""
     j0, length = np.linalg.norm(MEAN_WRIST_OFFSET), np.linalg.norm(off)
     reason = "it is off"
     if abs(length - j0) < J0_SHARE * j0:
@@ -126,7 +126,7 @@ def wrist_contradiction(off: Array, against: str) -> str:
 
 
 def check_turning_point(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
-    """Whether the stored mesh turns about the wrist: b is zero in the fit rim - wrist = R a + b."""
+    """Whether the stored mesh rotates about the wrist: b is 0 in the fit rim - wrist = R a + b."""
     rim, usable = stored.rim.get(hand.side), hand.valid.numpy()
     if rim is None or hand.pose is None or hand.wrist is None:
         return
@@ -144,7 +144,7 @@ def check_turning_point(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
 
 
 def check_pose_against_keypoints(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
-    """Whether the pose, with the best constant skeleton, gives the stored keypoints."""
+    """Whether the pose, on the best-fitting constant skeleton, gives the stored keypoints."""
     found = stored_keypoints(hand, stored)
     if found is None or hand.pose is None:
         return
@@ -162,7 +162,7 @@ def check_pose_against_keypoints(hand: HandTrack, stored: CrossChecks) -> Iterat
 
 
 def check_object_placement(stored: CrossChecks) -> Iterator[str]:
-    """Whether the mesh, moved by its pose, is where the source has the object."""
+    """Whether the mesh, moved by its pose, coincides with the source's stored object."""
     if stored.object_points is None:
         return
     points, own = stored.object_points

@@ -1,10 +1,10 @@
-"""Does the hand come later than its object, as where two sensors share no clock?
+"""Find a delay between the hand and its object, as between two sensors without a common clock.
 
-A hand that holds an object stands still in the object's frame. One that comes late wanders there,
-whenever the object changes its speed, by that change times the delay: of all delays the true one
-makes it wander least. The moments of `geneoh.objects.relative_filter` do not serve in place of this
-search, as they are those of an expansion, which takes six frames of delay for a filter, nor does
-this search in place of them, as it knows whole frames alone and no filters.
+A hand that holds an object stands still in the object's frame. A delayed hand moves there whenever
+the object changes its speed, by that change times the delay; the true delay minimises this motion.
+The moments of `geneoh.objects.relative_filter` cannot replace this search: they come from a series
+expansion, which takes a delay of six frames for a filter. Nor can this search replace them: it
+finds delays of whole frames only, and no filters.
 """
 
 from collections.abc import Iterator
@@ -20,22 +20,23 @@ from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 LONGEST, MOST_DELAYS = 0.3, 15
-"""Seconds of the longest delay that is looked at, and how many are, each way. The longest tells
-nothing: a hand that leaves a still object with noisy poses wanders least there."""
+"""Longest delay in seconds, and largest number of delays tried, in each direction. A minimum at the
+longest one is ignored: a hand that leaves a still object with noisy poses moves least there."""
 SMOOTHING, SPEED_SMOOTHING = 0.05, 0.07
-"""Deviations of the Gaussians that take out white noise of places and of speeds, seconds."""
+"""Standard deviations in seconds of the Gaussian filters against white noise of positions and of
+speeds."""
 MOVING_SPEED = 0.09
-"""Metres a second of the object at the palm from which on it moves."""
+"""Speed of the object at the palm, in metres a second, above which it counts as moving."""
 BLOCK, BLOCK_FRAMES = 1 / 3, 10
-"""Seconds and frames, the longer of them, over which it is asked how far the hand wanders: in these
-a hand that slides in its grip slides little."""
+"""Length of a block, in seconds and in frames, whichever is longer. The motion is measured within
+blocks, in which a hand that slides in its grip slides little."""
 BESIDE_GAPS = 2
-"""Frames before and after a gap of the hand that tell nothing, as what fills the gap does not."""
+"""Frames before and after a gap of the hand that are left out, as the filled-in frames are."""
 LEAST, LEAST_FRAMES = 2 / 3, 20
-"""Seconds and frames of motion, the longer of them, that are needed."""
+"""Motion that is needed, in seconds and in frames, whichever is longer."""
 SHARE, OTHERS_SHARE = 0.3, 0.6
-"""Share of the squares, as read, that a delay leaves at most; and that it leaves without the block
-in which it gains most. Measured: docs/reliability.md."""
+"""Largest ratio of the squared motion with a delay to that without: over all blocks, and without
+the block that gains most. Measured: docs/reliability.md."""
 
 
 def check_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> Iterator[str]:
@@ -78,7 +79,7 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
 
 
 def delays_at(fps: float) -> Array:
-    """(K,) the delays that are looked for, in frames; 0 is one of them."""
+    """(K,) the delays that are tried, in frames; 0 is one of them."""
     most = max(1, round(LONGEST * fps))
     count = min(most, MOST_DELAYS)
     return np.round(np.linspace(-most, most, 2 * count + 1)).astype(int)
@@ -87,7 +88,7 @@ def delays_at(fps: float) -> Array:
 def wandering(
     palm: Array, seen: Array, delays: Array, turn: Tensor, shift: Tensor, fps: float
 ) -> Array:
-    """(B, K) squared metres that the palm wanders about a part, by block of motion and by delay."""
+    """(B, K) sum of squared deviations, m^2, of the palm in a part's frame, by block and delay."""
     rotation, place = turn.double().cpu().numpy(), shift.double().cpu().numpy()[:, None]
     margin = int(delays.max())
     usable = moves(palm, rotation, place, fps) & seen
@@ -104,7 +105,7 @@ def wandering(
 
 
 def moves(palm: Array, turn: Array, shift: Array, fps: float) -> Array:
-    """(T,) whether the part moves where the palm is."""
+    """(T,) mask of the frames in which the part moves at the position of the palm."""
     local = (palm - shift) @ turn
     steps = local[:-1] @ (turn[1:] - turn[:-1]).swapaxes(1, 2) + shift[1:] - shift[:-1]
     speed = fps * np.linalg.norm(steps, axis=-1).mean(1)
@@ -112,7 +113,7 @@ def moves(palm: Array, turn: Array, shift: Array, fps: float) -> Array:
 
 
 def _blocks_of(usable: Array, length: int) -> list[Array]:
-    """The usable frames of each stretch of a length in which at least half of them are usable."""
+    """The usable frames of each block of `length` frames of which at least half are usable."""
     starts = range(0, len(usable), length)
     every = [start + np.flatnonzero(usable[start : start + length]) for start in starts]
     return [frames for frames in every if 2 * len(frames) >= length]

@@ -1,4 +1,4 @@
-"""Checks of a hand by itself: are its keypoints in OpenPose's order, and is it of its side?
+"""Checks of a single hand: the depth and the order of its keypoints, and its side.
 
 A check yields a sentence for each doubt.
 """
@@ -21,37 +21,39 @@ from geneoh.sequence.validation import lies_flat
 MIDDLE_JOINTS = (2, 5, 8, 11)
 """Second joints of the four fingers, which bend one way only."""
 BACKWARD_LIMIT = 0.05
-"""Mean radians that they may bend backward; recordings bend forward by 0.2 and more."""
+"""Largest mean angle in radians by which these joints bend backward; in recordings they bend
+forward by 0.2 and more."""
 FINGERTIPS = [8, 12, 16, 20]
 """Keypoints at the tips of the four fingers."""
 FINGER_FROM = [start for knuckle in KNUCKLES for start in range(knuckle, knuckle + 3)]
 FINGER_TO = [start + 1 for start in FINGER_FROM]
-"""Keypoints at both ends of the bones of these fingers."""
+"""Keypoints at both ends of the bones of the four fingers."""
 LONGEST_LINK = 0.8
-"""Share of the palm's length that no bone of a finger reaches; the longest measured is 0.6."""
+"""Largest length of a finger's bone in palm lengths; the longest measured is 0.6."""
 REORDER = "reorder them, or pass --joint-order {order} where they are bare keypoints"
 """What to do about a file whose keypoints are in another order."""
 NO_DEPTH = 1e-4
-"""Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
+"""Value below which the wrist's depth counts as 0, as in MediaPipe's image landmarks, whose depths
+are relative to the wrist."""
 HANDEDNESS = "handedness:"
-"""How the sentences on a hand of the other side begin."""
+"""Beginning of the sentences on a hand that seems to be of the other side."""
 MIRRORED = (
     "in left-handed axes, as Unity and Unreal have: negate one coordinate of all points and meshes"
 )
-"""How such sentences end: from keypoints a mirrored scene is a hand of the other side."""
+"""End of such sentences: keypoints of a mirrored scene look like a hand of the other side."""
 THUMB_JOINTS = [2, 3]
-"""Keypoints of the thumb that are on the side of the palm, however fingers are bent."""
+"""Keypoints of the thumb that lie in front of the palm however the fingers are bent."""
 MIDDLE_POINTS = [knuckle + 1 for knuckle in KNUCKLES]
 """Keypoints of the four fingers' middle joints."""
 BEHIND_LIMIT = 0.05
-"""Of `palm_side`, beyond which a hand is of the other side: those of their own side are above it
-under every noise, and those of the other side below it as far."""
+"""A hand is of the other side if `palm_side` is below minus this. Under every noise, hands of the
+stated side stay above that value, and hands of the other side as far below it."""
 
 
 def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
-    """`InputError` where the keypoints are certainly in another order than OpenPose's.
+    """`InputError` if the keypoints are certainly in another order than OpenPose's.
 
-    `name` is that of the file in the message, `cure` its remedy, with the order's name as {order}.
+    The message names the file `name` and ends with the remedy `cure`, in which {order} is replaced.
     """
     if hand.joints is not None and (order := shorter_order(trusted_joints(hand))):
         raise InputError(
@@ -61,13 +63,13 @@ def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
 
 
 def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
-    """Keypoints of the observed frames, NaN where one has no confidence."""
+    """Keypoints of the observed frames, NaN where the confidence is 0."""
     assert hand.joints is not None, "asked for the joints of a track that has none"
     return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
 
 
 def check_anatomy(hand: HandTrack) -> Iterator[str]:
-    """Whether the numbers of a hand are those of a hand of its side, in OpenPose's order."""
+    """Whether keypoints and pose are those of a hand of its side, in OpenPose's order."""
     if hand.joints is not None:
         joints = trusted_joints(hand)
         yield from check_depth(joints)
@@ -77,7 +79,7 @@ def check_anatomy(hand: HandTrack) -> Iterator[str]:
 
 
 def check_depth(joints: Float[Tensor, "N 21 3"]) -> Iterator[str]:
-    """Whether the keypoints have a depth, as those of a picture do not."""
+    """Whether the keypoints are 3D points, and not landmarks in an image."""
     if of_picture(joints.cpu().numpy()):
         yield (
             "place: the depth of its wrist is 0 in every frame and the others are measured from "
@@ -92,7 +94,7 @@ def check_depth(joints: Float[Tensor, "N 21 3"]) -> Iterator[str]:
 
 
 def check_keypoint_order(joints: Float[Tensor, "N 21 3"], side: Side) -> Iterator[str]:
-    """Whether the bones between the keypoints are as short as fingers, and curl to the palm."""
+    """Whether the bones between the keypoints are as short as a finger's, and curl to the palm."""
     span = palm_length(joints)
     links = (joints[:, FINGER_TO] - joints[:, FINGER_FROM]).norm(dim=-1)
     longest = float(links.nanmedian(0).values.nan_to_num().max())
@@ -112,22 +114,23 @@ def check_keypoint_order(joints: Float[Tensor, "N 21 3"], side: Side) -> Iterato
 
 
 def of_picture(points: Array) -> bool:
-    """Whether points are of a picture: only those have a wrist off the centre with depth 0."""
+    """Whether points are image landmarks: only those have a wrist off the origin with depth 0."""
     wrist = points[np.isfinite(points).all((1, 2)), 0]
     flat = len(wrist) > 0 and np.abs(wrist[:, 2]).max() < NO_DEPTH
     return bool(flat and np.abs(wrist[:, :2]).min() > NO_DEPTH and (wrist > -NO_DEPTH).all())
 
 
 def curls_backward(joints: Float[Tensor, "T 21 3"], side: Side) -> bool:
-    """Whether fingers and thumb are behind the palm, as those of the other side are."""
+    """Whether fingers and thumb are behind the palm, as if the hand were of the other side."""
     return palm_side(joints, side) < -BEHIND_LIMIT
 
 
 def palm_side(joints: Float[Tensor, "T 21 3"], side: Side) -> float:
-    """How far fingers and thumb are before the palm: the sine by which middle joints bend, half of
-    the fingertips' way from their knuckles, and the thumb's way from the wrist, in palm lengths.
+    """How far fingers and thumb are in front of the palm; negative for a hand of the other side.
 
-    Alone, none of them tells hands that stretch their fingers or their thumb, under noise.
+    The sum of the mean sine of the bend of middle joints, half of the height of fingertips over
+    their knuckles, and the height of the thumb over the wrist, in palm lengths along the normal.
+    Under noise, no single term decides for a hand with stretched fingers or thumb.
     """
     normals = palm_normals(joints, side)[:, None]
     thumb = ((joints[:, THUMB_JOINTS] - joints[:, :1]) * normals).sum(-1).nanmean(-1)
@@ -146,18 +149,18 @@ def middle_bend(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " 
 
 
 def palm_length(joints: Float[Tensor, "T 21 3"]) -> float:
-    """Usual metres from the wrist to a knuckle."""
+    """Median distance in metres from the wrist to a knuckle."""
     return float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian())
 
 
 def palm_normals(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, "T 3"]:
-    """The palm's inner normal, unit."""
+    """Unit normals of the palm, on its inner side."""
     palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
     return torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
 
 
 def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
-    """Mean metres from knuckles to tips along the palm's inner normal; NaN does not count."""
+    """Mean distance in metres from knuckles to tips along the palm's inner normal, without NaN."""
     normals = palm_normals(joints, side)[:, None]
     return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * normals).sum(-1).nanmean(-1)
 

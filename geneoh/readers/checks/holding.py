@@ -1,8 +1,7 @@
-"""Checks of a hand beside its object: is it near, and does it move along with what it holds?
+"""Checks of a hand with its object: is it near, and does it move with the object that it holds?
 
-A hand that holds an object moves with it, so that a reading of the same numbers under which it
-moves along much better than under the source's own is a contradiction. A check yields a sentence
-for each.
+A hand that holds an object moves with it. It is a contradiction if it does so much better with
+another interpretation of the same numbers. A check yields a sentence for each contradiction.
 """
 
 from collections.abc import Iterator
@@ -21,20 +20,21 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.validation import FARTHEST_SCENE
 
 TOUCHING_REACH = 0.25
-"""Metres from the wrist to the object's ball beyond which no hand can touch the object,
-and within which a reading has the hand hold it."""
+"""Distance in metres from the wrist to the object's bounding sphere beyond which no hand can touch
+the object. Only interpretations with a smaller distance are considered."""
 POSES_REACH = 5.0
-"""Metres from the wrist to the origin of an object without a mesh, which no object reaches over."""
+"""Distance in metres from the wrist to the origin of an object without a mesh that is larger than
+any object."""
 ROUNDING, TRAVEL = 1e-6, 0.1
-"""Metres within which a wrist stands still, and farther than which the fingers of a hand that is
-held still move no object."""
+"""Metres within which a wrist stands still, and beyond which fingers alone move no object."""
 HOLDING_STEPS, HOLDING_GAIN, HOLDING_SHARE = 5, 0.002, 0.4
-"""Moving frames that are needed; metres a frame and share by which another reading is better."""
+"""Number of moving frames needed; decrease in metres a frame, and ratio, of the slip from which on
+another interpretation is reported."""
 SCATTER, SCATTER_SHARE = 0.03, 0.5
-"""Metres of scatter from which on, and share of it below which, another reading is the better one.
-No sound clip of 1,248 made ones is told so, half of them with 20 mm of noise."""
+"""Least scatter in metres, and ratio of scatters, at which another interpretation is reported. None
+of 1,248 correct synthetic clips is, half of them with 20 mm of noise."""
 MOVING_SPEED, MOVING_TURN = 0.002, 0.02
-"""Metres and radians a frame from which on something moves: a hand that rests shows nothing."""
+"""Metres and radians a frame above which something moves: a hand at rest shows nothing."""
 TRANSPOSED = "the object's rotation transposed"
 INVERTED = "the object's poses inverted, as they are world to object"
 REORDERED = (
@@ -42,7 +42,7 @@ REORDERED = (
     "the object's quaternions taken as w x y z, which seem to have been read as x y z w",
 )
 SCATTERED = frozenset((TRANSPOSED, INVERTED, *REORDERED))
-"""Readings that noise hides from the slip of a frame, and that the scatter tells."""
+"""Interpretations whose scatter is tested, too, because noise may hide them from the slip."""
 Reading = tuple[Array, Array, Array]
 """(T, 3) wrist, and (T, 3, 3) rotation and (T, 3) translation of the object, metres."""
 
@@ -69,7 +69,7 @@ def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
 
 
 def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
-    """Whether the wrist moves at all, where fingers and object do."""
+    """Whether the wrist moves at all, if fingers and object do."""
     given = hand.pose if hand.joints is None else hand.joints
     seen = hand.trust[:, 0] > 0
     if not motion.meshes or given is None or int(seen.sum()) <= HOLDING_STEPS:
@@ -84,7 +84,7 @@ def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
 
 
 def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
-    """Whether the hand moves along with the object better under another reading."""
+    """Whether the hand moves with the object better under another interpretation."""
     point = hand.wrist if hand.joints is None or hand.wrist is not None else hand.joints[:, 0]
     if point is None or not motion.meshes:
         return
@@ -119,7 +119,7 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
 
 
 def other_readings(side: Side, wrist: Array, turn: Array, shift: Array) -> dict[str, Reading]:
-    """The same numbers under other conventions, by their words."""
+    """The same numbers under other conventions, by a description of each."""
     j0, back = mean_wrist_offset(side), turn.transpose(0, 2, 1)
     xyzw = Rotation.from_matrix(turn).as_quat()
     return {
@@ -138,7 +138,7 @@ def other_readings(side: Side, wrist: Array, turn: Array, shift: Array) -> dict[
 
 
 def moving_steps(valid: Array, wrist: Array, turn: Array, shift: Array) -> Array:
-    """Frames from which to the next one the object and a hand that is in both move."""
+    """Frames t with the hand in t and t + 1, between which the hand and the object both move."""
     both = valid[1:] & valid[:-1]
     both &= np.linalg.norm(np.diff(wrist, axis=0), axis=1) > MOVING_SPEED
     cosine = (np.einsum("tij,tij->t", turn[1:], turn[:-1]) - 1) / 2
@@ -148,22 +148,22 @@ def moving_steps(valid: Array, wrist: Array, turn: Array, shift: Array) -> Array
 
 
 def in_object(point: Array, turn: Array, shift: Array) -> Array:
-    """(T, 3) a point's place in the object's frame."""
+    """(T, 3) a point in the object's frame."""
     return np.einsum("tji,tj->ti", turn, point - shift)
 
 
 def slip(local: Array, steps: Array) -> float:
-    """Median metres a frame that a point moves in the object's frame."""
+    """Median motion of a point in the object's frame, metres a frame."""
     return float(np.median(np.linalg.norm(local[steps + 1] - local[steps], axis=1)))
 
 
 def _scatter(local: Array, steps: Array) -> float:
-    """Deviation of a point's place in the object's frame, metres: hardly more for a noisy hand."""
+    """Standard deviation of a point in the object's frame, metres: noise hardly increases it."""
     return float(np.linalg.norm(local[steps].std(axis=0)))
 
 
 def distance_to_ball(reading: Reading, mesh: Mesh, steps: Array) -> float:
-    """Median metres from the wrist to the ball around the moved vertices; negative inside."""
+    """Median distance in metres from the wrist to the mesh's bounding sphere; negative inside."""
     wrist, turn, shift = (torch.from_numpy(part) for part in reading)
     away = ball_distance(wrist, mesh.verts.double().cpu(), turn, shift)
     return float(np.median(away[steps]))

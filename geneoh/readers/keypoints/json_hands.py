@@ -1,11 +1,10 @@
-"""Hands in JSON that are not in the forms of MediaPipe's own programs.
+"""Hands in JSON that is not in the formats of MediaPipe's own programs.
 
-A frame lists its hands, has them by their sides, or is one hand; null, [] and {} hold none. A hand
-is its points, or a dict that has them beside a side and a score. Points have names, those of
-TensorFlow.js, OpenXR, ARKit and the like, or stand in a list in a known order. So are the results
-of hand-pose-detection (TensorFlow.js), of OpenPose in 3D, of MMPose, and what programs write for
-themselves; those of the Leap Motion service are in `geneoh.readers.keypoints.leap`. What else is
-there is passed over.
+A frame lists its hands, has them by side, or is one hand; null, [] and {} hold none. A hand is a
+collection of points, or a dict with the points, a side and a score. Points have names, those of
+TensorFlow.js, OpenXR, ARKit and the like, or stand in a list in a known order. Such are the results
+of hand-pose-detection (TensorFlow.js), OpenPose in 3D, MMPose, and many formats of single programs;
+the Leap Motion service is read in `geneoh.readers.keypoints.leap`. Other fields are ignored.
 """
 
 from collections import Counter
@@ -36,12 +35,12 @@ from geneoh.readers.records import Array
 
 
 def _plain(name: str) -> str:
-    """A name in small letters and without lines between its words, as all names here are."""
+    """A name in lower case without underscores, as all names below are written."""
     return name.lower().replace("_", "")
 
 
 CENTRED = (*map(_plain, WORLD), "keypoints3d")
-"""Names of points about the centre of the hand: MediaPipe's, and TensorFlow.js's of the same."""
+"""Names of points relative to the hand's centre: MediaPipe's, and TensorFlow.js's for the same."""
 POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keypoints")
 SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
 SIDES_OF_HANDS += ("handtype", "type")
@@ -49,20 +48,20 @@ SCORES = ("score", "confidence")
 LISTS_OF_HANDS = ("hands", "predictions", "detections", "instances", "people")
 PLACES = ("position", "translation", "location", "pose")
 NAMES = ("name", "joint", "jointname", "bone", "id")
-"""Names under which a hand has its points, its side and its score, a frame its hands, and a point
-its coordinates and its name."""
+"""Names of fields: the points, the side and the score of a hand, the hands of a frame, and the
+coordinates and the name of a point."""
 BESIDE_SIDE = {"hand", "hands", "keypoints", "joints", "landmarks", "points", "3", "d"}
-"""Words beside a side in the name of a field that has the hand of that side."""
+"""Words that may stand beside the side in the name of a field with the hand of that side."""
 LARGEST = 1e300
-"""A number beyond it, such as a whole number of hundreds of digits, is no coordinate."""
+"""Largest number that counts as a coordinate; JSON may hold integers of hundreds of digits."""
 DEEPEST = 8
-"""Lists and dicts within each other that are looked into for a hand."""
+"""Greatest depth of nested lists and dicts that are searched for a hand."""
 
 
 def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> Landmarks | None:
-    """The hands in the value of a JSON file; None where it has no frame with a hand.
+    """The hands in the value of a JSON file; None if it has no frame with a hand.
 
-    `side` is that of hands that say none, and `order` that of points in a list.
+    `side` is for hands without a side, and `order` is the keypoint order of points in a list.
     """
     frames = _frames_of_columns(value) or frames_in(value)
     told, _ = _said_of(value, side, 1.0)
@@ -86,7 +85,7 @@ class _Frames:
         self._side: Side | None = side
 
     def hands(self, frame: Any, where: str) -> list[Detected]:
-        """The hands of one frame, of which only MediaPipe may give two of one side."""
+        """The hands of one frame; only results of MediaPipe may hold two of one side."""
         if is_leap(frame):
             self.leap, frame = True, list(hands_of_leap(frame))
         hands = list(self._hands(frame, where, None, 1.0))
@@ -103,7 +102,7 @@ class _Frames:
     def _hands(
         self, value: Any, where: str, side: Side | None, score: float, depth: int = 0
     ) -> Iterator[Detected]:
-        """The hands in a frame or in a part of it, whose side and score stand around it."""
+        """The hands in a frame or a part of it; `side` and `score` are from the enclosing value."""
         points = self._points(value, where)
         if points is not None:
             yield Detected(side or self._side, score, points)
@@ -120,7 +119,7 @@ class _Frames:
     def _parts(
         self, value: dict[str, Any], where: str, side: Side | None
     ) -> Iterator[tuple[Any, Side | None]]:
-        """What a dict has hands or points of one in, each with its side."""
+        """The fields of a dict that hold hands, or the points of one, each with its side."""
         sides: dict[str, Side | None] = {name: _side_of(name) for name in value}
         if any(sides.values()):
             for name, each in sides.items():
@@ -158,8 +157,8 @@ class _Frames:
 
 
 def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
-    """A frame for each place in lists that a dict has by sides, as points, or by names of points;
-    none where it has no such lists, or some of different lengths."""
+    """The frames of a dict of lists over time, with a list per side, of all points, or per point;
+    empty if there are no such lists, or their lengths differ."""
     fields = value if isinstance(value, dict) else {}
     lists = {name: each for name, each in fields.items() if isinstance(each, list) and each}
     columns = {
@@ -178,9 +177,9 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
 
 
 def _points_by_name(value: Any) -> dict[str, Array]:
-    """The places in a dict or list of points, by their names or numbers; few where there are none.
+    """The positions in a dict or list of points, by name or number; empty if they are too few.
 
-    Numbers may stand side by side, three a point, or four as of OpenPose.
+    A flat list has three numbers per point, or four as of OpenPose; a fourth of 0 means missing.
     """
     if isinstance(value, list) and len(value) in (63, 84) and _is_numbers(value):
         rows = np.array(value, dtype=np.float64).reshape(21, -1)
@@ -193,7 +192,7 @@ def _points_by_name(value: Any) -> dict[str, Array]:
     found = {name: _place_of(each) for name, each in items}
     if sum(place is not None for place in found.values()) < FEWEST:
         return {}
-    lost = np.full(3, np.nan)  # a point that is null is one that was not found
+    lost = np.full(3, np.nan)  # null stands for a point that was not found
     found = {name: lost if fields is None else found[name] for name, fields in items}
     return {name: place for name, place in found.items() if place is not None}
 
@@ -205,15 +204,15 @@ def _called(value: Any) -> dict[str, Any]:
 
 
 def _name_of(point: Any, number: str) -> str:
-    """The name that a point says, else its number in the list."""
+    """The name in a point's fields, else its number in the list."""
     fields = _called(point)
     said = (fields[name] for name in NAMES if name in fields)
     return next((name for name in said if isinstance(name, str)), number)
 
 
 def _place_of(point: Any) -> Array | None:
-    """(3,) the place of a point: a list, a dict of x, y and z, or a 4x4 matrix, also transposed as
-    a list of its columns; None for what is no point."""
+    """(3,) position of a point from a list, a dict of x, y and z, or a 4x4 matrix by rows or by
+    columns; None for anything else."""
     if isinstance(point, dict):
         fields = _called(point)
         inner = next((fields[name] for name in PLACES if name in fields), None)
@@ -228,7 +227,7 @@ def _place_of(point: Any) -> Array | None:
 
 
 def _place_in_matrix(value: list[Any]) -> list[Any] | None:
-    """The translation of a 4x4 matrix, by rows or by columns; None for what is none."""
+    """The translation of a 4x4 matrix, by rows or by columns; None for anything else."""
     rows = [list(row) for row in value if isinstance(row, list) and len(row) == 4]
     columns = [list(column) for column in zip(*rows, strict=True)]
     last = [matrix for matrix in (rows, columns) if matrix[3:] == [[0, 0, 0, 1]]]
@@ -236,19 +235,19 @@ def _place_in_matrix(value: list[Any]) -> list[Any] | None:
 
 
 def _is_numbers(values: list[Any]) -> bool:
-    """Whether a list holds numbers that fit into an array, and nulls alone."""
+    """Whether a list holds only nulls, and numbers that fit into an array."""
     return all(
         each is None or (type(each) in (int, float) and not abs(each) > LARGEST) for each in values
     )
 
 
 def _are_places(values: list[Any]) -> bool:
-    """Whether a list holds places and nulls alone."""
+    """Whether a list holds only positions and nulls."""
     return all(each is None or _place_of(each) is not None for each in values)
 
 
 def _are_flat(points: Any) -> bool:
-    """Whether points have no depth, as those of a picture."""
+    """Whether points have x but no z, as image landmarks do."""
     first = points[0] if isinstance(points, list) else None
     return isinstance(first, dict) and "x" in first and "z" not in first
 
@@ -260,7 +259,7 @@ def _side_of(name: str) -> Side | None:
 
 
 def _said_of(value: Any, side: Side | None, score: float) -> tuple[Side | None, float]:
-    """The side and the score that a dict says, else those from around it."""
+    """The side and the score in a dict's fields, else those of the enclosing value."""
     fields = _called(value)
     labels = [label_of(fields[name]) for name in SIDES_OF_HANDS if name in fields]
     side, score = next((said for said in labels if said[0] is not None), (side, score))

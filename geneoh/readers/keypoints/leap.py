@@ -1,9 +1,9 @@
-"""Frames of the Leap Motion (Ultraleap) service, as its WebSocket and leapjs give them.
+"""Frames of the Leap Motion (Ultraleap) service, from its WebSocket or leapjs.
 
-A frame has its `hands`, each with an `id`, a side (`type`) and the place of the `wrist`, and its
-`pointables`: fingers, each with the `handId` of its hand, its number (`type`, 0 of the thumb to 4)
-and the places of its joints. Millimetres, and microseconds in `timestamp`. Source: the protocol's
-description, version 6; earlier ones lack the wrist.
+A frame has `hands`, each with an `id`, a side (`type`) and the position of the `wrist`, and
+`pointables`: fingers, each with the `handId` of its hand, its number (`type`, 0 for the thumb to 4)
+and the positions of its joints. Millimetres, and microseconds in `timestamp`. Source: the
+protocol's description, version 6; earlier versions lack the wrist.
 """
 
 from collections.abc import Iterator
@@ -11,8 +11,8 @@ from typing import Any
 
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 JOINTS = ("mcpPosition", "pipPosition", "dipPosition", "btipPosition")
-"""Where a finger has its joints, from the palm to the tip. The thumb has no metacarpal there: its
-first joint is the one at the wrist."""
+"""Fields of a finger's joints, from the palm to the tip. The thumb has no metacarpal: its first
+joint is the one at the wrist."""
 SEGMENTS = ("proximal", "intermediate", "distal", "tip")
 OF_THUMB = ("metacarpal", "proximal", "distal", "tip")
 """OpenXR's names of these joints."""
@@ -26,7 +26,7 @@ def is_leap(frame: Any) -> bool:
 
 
 def hands_of_leap(frame: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The hands of a frame, each with its points by their names, millimetres."""
+    """The hands of a frame, each with its points by name, millimetres."""
     fingers = [each for each in frame["pointables"] if isinstance(each, dict)]
     for hand in frame["hands"]:
         if not isinstance(hand, dict):

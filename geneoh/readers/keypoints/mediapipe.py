@@ -1,7 +1,7 @@
 """MediaPipe's hand landmarks as programs dump its results in JSON.
 
-Results of the Hand Landmarker and of the older Hands, from Python or JavaScript, one a frame in a
-list, perhaps with the number of each frame, its time, or both (`geneoh.readers.clock`). Tables of
+Results of the Hand Landmarker and of the older Hands, from Python or JavaScript, one per frame in a
+list, optionally with frame numbers, timestamps, or both (`geneoh.readers.clock`). Tables of
 landmarks are read in `geneoh.readers.keypoints.tables`.
 """
 
@@ -30,7 +30,7 @@ HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness
 LISTS = ("frames", "results", "instance_info")
 """Names under which a file may list its results; the last one is MMPose's."""
 NUMBERED = re.compile(r"(\d+)|.*?(\d{4,})(\.\w+)?")
-"""Names of frames: numbers, or those of numbered images."""
+"""Keys of frames: numbers, or names of numbered images."""
 OF_SIDE: dict[Side, tuple[str, str]] = {
     side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES
 }
@@ -38,7 +38,7 @@ OF_SIDE: dict[Side, tuple[str, str]] = {
 LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
 
 APART = 10
-"""Frames between results beyond which numbers are their times: so few results show no motion."""
+"""Median step beyond which numbers are timestamps: results so many frames apart show no motion."""
 
 NOTES = (
     "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
@@ -54,36 +54,36 @@ class LandmarkTrack:
     points: Array
     """(T, 21, 3), NaN where it was not seen."""
     trust: Array
-    """(T,) from 0 to 1, or (T, 21) in each point."""
+    """(T,) confidence from 0 to 1, or (T, 21) of each point."""
 
     @property
     def confidence(self) -> Array:
-        """(T, 21) trust in each point."""
+        """(T, 21) confidence of each point."""
         return self.trust if self.trust.ndim == 2 else np.tile(self.trust[:, None], 21)
 
 
 Tracks = dict[Side | None, LandmarkTrack]
-"""The hands of a file by the side that it says; None where it says none."""
+"""The hands of a file by side; None for a hand whose side the file does not name."""
 
 
 @dataclass(frozen=True)
 class Landmarks:
-    """What a file of landmarks holds."""
+    """The contents of a file of landmarks."""
 
     tracks: Tracks
     notes: Notes
     stamps: Record
-    """What the file says of time; see `geneoh.readers.clock`."""
+    """Fields of timestamps and frame numbers; see `geneoh.readers.clock`."""
     first: int = 0
     """Number that the file gives its first frame."""
     camera: Array | None = None
-    """(3,) where the file says it is."""
+    """(3,) position of the camera, if the file states it."""
     unit: Unit = "m"
-    """Of the points, where the caller says none."""
+    """Unit of the points, if the caller names none."""
 
 
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
-    """The hands in the value of a JSON file; None where it is no result of MediaPipe."""
+    """The hands in the value of a JSON file; None if it is no result of MediaPipe."""
     frames = frames_in(value)
     names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
     if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
@@ -93,9 +93,9 @@ def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
 
 
 def frames_in(value: Any) -> list[Any]:
-    """The results in a JSON value, one a frame: in a list, or by numbers or times of their frames.
+    """The results in a JSON value, one per frame: in a list, or a dict by frame number or time.
 
-    Times are in whole milliseconds or smaller units. Each may stand under "result" beside its time.
+    Times are whole milliseconds or smaller units. A result may be nested in "result".
     """
     named = (
         {str(name): NUMBERED.fullmatch(str(name)) for name in value}
@@ -125,7 +125,7 @@ def frames_in(value: Any) -> list[Any]:
 
 
 def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
-    """What a JSON value says of time, beside its results or in each of them."""
+    """The fields of time in a JSON value, beside its results or in each of them."""
     beside = value if isinstance(value, dict) else {}
     listed = next((name for name in LISTS if name in beside), None)
     stamps = {n: beside[n] for n in ("fps", *CLOCK_NAMES) if n in beside and n != listed}
@@ -143,9 +143,9 @@ def tracks_in(
     side: Side | None,
     hands_of: Callable[[Any, str], list["Detected"]],
 ) -> tuple[Tracks, Notes]:
-    """The hands in results, and what was assumed of their sides; see `as_one_hand`.
+    """The hands in results, and notes on their sides; see `as_one_hand`.
 
-    `hands_of` gives those of one result, whose place in the file it gets for messages.
+    `hands_of` returns the hands of a result; its second argument locates the result in messages.
     """
     most, alike, crowded = 0, 0, 0
     found: Tracks = {}
@@ -174,7 +174,7 @@ def tracks_in(
 
 @dataclass(frozen=True)
 class Detected:
-    """One hand of a frame: (21, 3) points, its side, and how sure MediaPipe is of that."""
+    """One hand of a frame: (21, 3) points, its side, and the confidence of the side."""
 
     side: Side | None
     score: float
@@ -182,7 +182,7 @@ class Detected:
 
 
 def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
-    """The hands of one result of MediaPipe; `side` is that of one that tells none."""
+    """The hands of one result of MediaPipe; `side` is for hands without one."""
     record = as_record(frame, where)
     world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
     found = []
@@ -200,7 +200,8 @@ def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
 
 
 def _told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
-    """Two hands of one side with a side each: like the latest hands, else by the surer one."""
+    """Two hands of the same side, relabelled as left and right: by the distance to the latest hands
+    if both are known, else the more confident one keeps its side."""
     named = hands[0].side
     assert named is not None, "hands without a side are not told apart"
     ways = [
@@ -216,10 +217,10 @@ def _told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> l
 
 
 def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:
-    """One hand where no frame has two, and a note where frames say other sides.
+    """The tracks merged into one hand if no frame has two, and a note if frames differ in the side.
 
-    It is the caller's side, else the one that most frames say: the side of a single frame is a
-    guess of MediaPipe's, and no second hand comes when the first one goes.
+    The hand gets the caller's side, else that of most frames: MediaPipe guesses the side of each
+    frame, and a second hand would not appear just when the first one disappears.
     """
     seen = {label: track.trust > 0 for label, track in tracks.items()}
     if len(tracks) < 2 or np.sum(list(seen.values()), axis=0).max() > 1:
@@ -240,7 +241,7 @@ def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:
 
 
 def field_of(record: Record, names: Iterable[str]) -> list[Any]:
-    """The list under the first of some names that a result has; empty without."""
+    """The list in the first of some fields that a result has; empty if it has none."""
     name = next((name for name in names if record.values.get(name) is not None), None)
     return [] if name is None else record.items(name)
 
@@ -260,7 +261,7 @@ def points_in(value: Any, where: str) -> Array:
 
 
 def label_of(value: Any) -> tuple[Side | None, float]:
-    """The side that a result names, and how sure it is of that, above 0 and at most 1."""
+    """The side that a result names, and its confidence, above 0 and at most 1."""
     if isinstance(value, dict) and "classification" in value:
         value = value["classification"]
     while isinstance(value, list) and value:
@@ -273,13 +274,13 @@ def label_of(value: Any) -> tuple[Side | None, float]:
 
 
 def refuse_image_landmarks(points: Array, where: str) -> None:
-    """Refuse landmarks of the picture."""
+    """Refuse landmarks in image coordinates."""
     if of_picture(points):
         raise image_landmarks(where)
 
 
 def image_landmarks(where: str) -> InputError:
-    """The error for landmarks in shares of the picture."""
+    """The error for landmarks in image coordinates, which are fractions of the image size."""
     return InputError(
         f"{where}: expected MediaPipe's world landmarks in metres, got landmarks of the picture, "
         "which have no size; save hand_world_landmarks (worldLandmarks, or keypoints3D of "

@@ -8,15 +8,16 @@ from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.readers.records import Notes
 
 FEWEST = 11
-"""Keypoints without which a frame holds no hand: half of them."""
+"""Least number of keypoints with which a frame holds a hand: half of them."""
 
 
 def without_missing(
     joints: Float[Tensor, "T 21 3"], confidence: Float[Tensor, "T 21"] | None
 ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21"] | None, Notes]:
-    """Keypoints that are finite in frames with a hand, their confidence, and what was assumed.
+    """Keypoints with missing ones filled in, their confidence, and notes.
 
-    Missing ones get a confidence of 0 and the place of the keypoint before them.
+    In frames with a hand a missing keypoint gets a confidence of 0 and the position of its parent;
+    a missing wrist that of the mean of the others.
     """
     missing = missing_keypoints(joints)
     there = (~missing).sum(-1) >= FEWEST
@@ -37,9 +38,9 @@ def without_missing(
 
 
 def missing_keypoints(joints: Float[Tensor, "T 21 3"]) -> Bool[Tensor, "T 21"]:
-    """Keypoints that are not finite, or zeros, as some trackers write for what they did not find.
+    """Mask of keypoints that are not finite, or zero, as some trackers write undetected ones.
 
-    A wrist that is zero in every frame with a hand is the origin, and no missing one.
+    A wrist that is zero in every frame with a hand is the origin, and not missing.
     """
     zero = (joints == 0).all(-1)
     zero &= ~zero.all(-1, keepdim=True)

@@ -1,10 +1,10 @@
 """Landmarks of hands in tables (CSV).
 
-Tables are wide, a row a frame with columns such as `x0`, `WRIST_x` or `LeftIndexTipPosX`, or long,
-a row a point with the columns `frame`, `landmark`, `x`, `y` and `z`. They may have the number of
-each frame, its time, or both (`geneoh.readers.clock`), and the side of the hand. Points have names,
-those of MediaPipe, OpenXR, WebXR and the like, or numbers in a named order. What else is there,
-such as orientations and points that OpenPose lacks, is passed over.
+Tables are wide, with one row per frame and columns such as `x0`, `WRIST_x` or `LeftIndexTipPosX`,
+or long, with one row per point and the columns `frame`, `landmark`, `x`, `y` and `z`. They may have
+frame numbers, timestamps, or both (`geneoh.readers.clock`), and the side of the hand. Points have
+names, those of MediaPipe, OpenXR, WebXR and the like, or numbers in a named order. Other columns,
+such as orientations and points that OpenPose lacks, are ignored.
 """
 
 import csv
@@ -42,25 +42,25 @@ POINT_COLUMNS = tuple(
     for end in ("", "_id", "_index", "_name", "id", "name")
 )
 UNREAD = re.compile(r"[^#]*\d[^#]*")
-"""A cell that holds a number if any; older programs of Windows write NaN as `1.#QNAN`."""
+"""A cell that should be a number; `1.#QNAN`, the NaN of older programs of Windows, should not."""
 
 Row = dict[str | None, Any]
 """A row of a table by the names of its columns."""
 
 Column = tuple[Side | None, int | None, int]
-"""Side, point and axis of the coordinates in a column; the point is None where a row is a point,
-and the side where its name says none."""
+"""Side, point and axis of the coordinates in a column; the point is None in a long table, the side
+None if the column's name has none."""
 
 Cell = tuple[Side | None, int, int, int, float]
-"""Side, frame, point, axis and number of a coordinate."""
+"""Side, frame, point, axis and value of a coordinate."""
 
 
 def read_points(
     path: Path, side: Side | None, order: JointOrder = "openpose"
 ) -> mediapipe.Landmarks:
-    """The hands in a table of points, by the side that it says; see `as_one_hand`.
+    """The hands in a table of points, by their side; see `as_one_hand`.
 
-    `order` is that of numbered points.
+    `order` is the keypoint order of points that have numbers.
     """
     return points_in_rows(*read_rows(path), path, side, order)
 
@@ -68,7 +68,7 @@ def read_points(
 def points_in_rows(
     rows: list[Row], names: list[str], path: Path, side: Side | None, order: JointOrder
 ) -> mediapipe.Landmarks:
-    """As `read_points`, in rows with the cells of these names."""
+    """As `read_points`, from rows and the names of their columns."""
     frames = frames_of(rows)
     numbered_as = Numbering(order, path)
     columns = point_columns(names, numbered_as)
@@ -103,15 +103,15 @@ def read_rows(path: Path) -> tuple[list[Row], list[str]]:
             table = csv.DictReader(lines, delimiter=separator)
             names = [str(name).strip() for name in table.fieldnames or ()]
             table.fieldnames = names
-            rows = (row for row in table if any(row.values()))  # a line of separators is blank
+            rows = (row for row in table if any(row.values()))  # no lines of separators alone
             return [with_points(row, separator, path) for row in rows], names
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
 
 
 def as_rows(value: Any) -> tuple[list[Row], list[str]] | None:
-    """The rows of a table that is a JSON list of dicts without lists, as pandas writes it, and the
-    names of its columns; None where the value is no such list, or has no column of coordinates."""
+    """Rows and column names of a table written as a JSON list of flat dicts, as pandas does; None
+    if the value is no such list, or has no column of coordinates."""
     value = value if isinstance(value, list) else []
     rows = [row for row in value if isinstance(row, dict)]
     names = list(dict.fromkeys(str(name) for row in rows for name in row))
@@ -137,7 +137,7 @@ def with_points(row: Row, separator: str, path: Path) -> Row:
 
 
 def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
-    """The times of a table's frames, between others of one without a row; empty without times."""
+    """The times of a table's frames, interpolated for frames without a row; empty without times."""
     name = column_of(rows, TIME_NAMES)
     times = [] if name is None else [time_in(row[name]) for row in rows]
     if name is None or not np.isfinite(times).all():
@@ -150,12 +150,12 @@ def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
 
 
 def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
-    """The column of a table that is called by the first of some names, if any is."""
+    """The column with the first of some names that the table has, if any."""
     return next((column for _, column in columns_called(rows[0] if rows else (), names)), None)
 
 
 def frame_column(rows: list[Row]) -> str | None:
-    """The column with the numbers of frames; ROS calls the name of a frame of reference so, too."""
+    """The column of frame numbers; not a column of texts, as ROS names coordinate frames so."""
     called = columns_called(rows[0] if rows else (), FRAME_COLUMNS)
     numbered = (name for _, name in called if any(is_number(row[name]) for row in rows))
     return next(numbered, None)
@@ -167,7 +167,7 @@ def is_number(cell: str | None) -> bool:
 
 
 def frames_of(rows: list[Row]) -> list[float]:
-    """The frame of each row: by its number, else by its time, else one for each row."""
+    """The frame of each row: by its number, else by its time, else one frame per row."""
     if name := frame_column(rows):
         return [number_in(row[name] or "") for row in rows]
     if name := column_of(rows, TIME_NAMES):
@@ -178,7 +178,7 @@ def frames_of(rows: list[Row]) -> list[float]:
 
 
 def time_in(cell: str | None) -> float:
-    """A time as a number, of a date in seconds; NaN for anything else."""
+    """A time as a number, a date in seconds since 1970; NaN for anything else."""
     number = number_in(cell or "")
     if np.isfinite(number) or not cell:
         return number
@@ -190,7 +190,7 @@ def time_in(cell: str | None) -> float:
 
 
 class Numbering:
-    """The order of points that have numbers, which must be needed if it is said."""
+    """Converts numbered points from a keypoint order; refuses an order that is not needed."""
 
     def __init__(self, order: JointOrder, path: Path | str) -> None:
         self.path, self._order, self._used = path, order, False
@@ -203,7 +203,7 @@ class Numbering:
             )
 
     def point(self, words: list[str]) -> int | str | None:
-        """As `point_in`, with OpenPose's number for a number in the order, or "" for none of it."""
+        """As `point_in`, but a number in the order becomes OpenPose's, "" if OpenPose lacks it."""
         point = point_in(words)
         if not isinstance(point, str) or not point:
             return point
@@ -213,7 +213,7 @@ class Numbering:
         return self._points.get(int(point), "")
 
     def refuse_other_count(self, count: int) -> None:
-        """Refuse a list of as many points as the order does not have."""
+        """Refuse a list whose number of points is not that of the order."""
         if count != self._count:
             raise self._refusal(f"got a list of {count}")
 
@@ -226,7 +226,7 @@ class Numbering:
         )
 
     def refuse_unused(self) -> None:
-        """Refuse an order of points that have names."""
+        """Refuse a keypoint order beside points that have names."""
         if self._order != "openpose" and not self._used:
             raise InputError(
                 f"{self.path}: --joint-order is for numbered points, got points with names, which "
@@ -271,7 +271,7 @@ def cells_of(
     side: Side | None,
     numbering: Numbering,
 ) -> Iterable[Cell]:
-    """Every coordinate in a table of the 21 points; `side` is that of rows that say none."""
+    """Every coordinate in a table of the 21 points; `side` is for rows without a side."""
     long = any(point is None for _, point, _ in columns.values())
     timed = (frame_column(rows) or column_of(rows, TIME_NAMES)) is not None
     naming, saying = column_of(rows, POINT_COLUMNS), column_of(rows, SIDE_COLUMNS)

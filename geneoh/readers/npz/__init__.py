@@ -1,1 +1,1 @@
-"""The npz files of geneoh and those of others."""
+"""Npz files: several layouts are read, geneoh's own is written."""

@@ -1,4 +1,4 @@
-"""Sequences to and from npz files: the layouts people have are read, one layout is written."""
+"""Sequences to and from npz files: several layouts are read, geneoh's own is written."""
 
 import logging
 from collections.abc import Mapping
@@ -51,8 +51,8 @@ CALLERS = {
     "obj_pose": ("the object's motion", "--object-pose", OBJECT_FIELDS, "one of them"),
     "camera_position": ("the camera", "--camera", (*CAMERA_FIELDS, *RAYS), "the option"),
 }
-"""Of each field that the caller may give: what it is, by which option, what says the same, and what
-to drop."""
+"""For each field that the caller may pass: its meaning, the option, the file's fields of the same
+meaning, and what to drop if both are there."""
 
 
 @checked_call
@@ -70,29 +70,29 @@ def load(
     object_pose: Path | str | Array | None = None,
     camera: Place | str | None = None,
 ) -> Sequence:
-    """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
+    """Read a sequence from an npz in any of the known layouts.
 
-    It also says what had to be assumed, which is logged as a warning as well.
+    `Sequence.source` names the layout and the assumptions made, which are also logged as warnings.
 
     Args:
         path: the npz of the sequence, which is never unpickled, a npy of keypoints, or landmarks
             as JSON or CSV.
-        obj: the object's mesh or its file, or one per rigid part. Without it those that the file
-            itself names, where they are still there and hold what they held; the source of the
-            sequence says so where they do not.
-        side: which hand, where the file does not say; of two hands, the one to read.
-        fps: frames a second, where the file does not say.
+        obj: the object's mesh or its file, or one per rigid part. By default the mesh files that
+            the npz names, if they still exist and are unchanged; else `Sequence.source` says why
+            there is no mesh.
+        side: side of the hand, if the file does not state it; of two hands, the one to read.
+        fps: frames a second, if the file does not state it.
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
         unit: of the mesh files in `obj`.
         joint_order: order of the keypoints, where the file holds bare `joints`.
-        keypoint_unit: of the lengths in such a file, `camera_position` among them, and of
-            `object_pose`; by default metres.
-        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or a file of them or of
-            a trajectory (npy, npz, TUM, KITTI, CSV, JSON), or a folder with a text of each frame's
-            matrix, where the file holds no motion of the object.
-        camera: position of the camera in the world, metres, where the file does not say it and the
-            hand was estimated from images; (0, 0, 0) or "origin" where the coordinates are the
-            camera's.
+        keypoint_unit: unit of the lengths in a file of bare `joints`, including `camera_position`,
+            and of `object_pose`; by default metres.
+        object_pose: for a file without motion of the object: (T, 4, 4) or (T, Q, 4, 4) poses,
+            object to the hand's frame; a file of them or of a trajectory (npy, npz, TUM, KITTI,
+            CSV, JSON); or a folder with one text file per frame that holds its matrix.
+        camera: position of the camera in the world, metres, for hands that were estimated from
+            images, if the file does not state it; (0, 0, 0) or "origin" if the coordinates are in
+            the camera's frame.
 
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
@@ -110,7 +110,7 @@ def load(
     record = with_callers(record, "obj_pose", given and given.matrices)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
-    # first: it may be why the rest is refused
+    # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, given)
@@ -129,7 +129,7 @@ def load(
 
 
 def with_joint_order(record: Record, layout: layouts.Layout, order: JointOrder) -> Record:
-    """The fields with bare joints brought from the caller's order into OpenPose's."""
+    """The fields, with bare joints reordered from the caller's order to OpenPose's."""
     if order == "openpose":
         return record
     refuse_layout(record, layout, "--joint-order", "in OpenPose order")
@@ -139,7 +139,7 @@ def with_joint_order(record: Record, layout: layouts.Layout, order: JointOrder) 
 
 
 def refuse_layout(record: Record, layout: layouts.Layout, option: str, always: str) -> None:
-    """Refuse an option for bare joints beside a layout that leaves nothing open."""
+    """Refuse an option for bare joints if the file has another layout, which leaves no choice."""
     if layout != "joints":
         raise InputError(
             f"{record.where}: {option} is for bare 'joints', got {LAYOUT_NAMES[layout]}, which is "
@@ -148,7 +148,7 @@ def refuse_layout(record: Record, layout: layouts.Layout, option: str, always: s
 
 
 def with_callers(record: Record, name: str, value: Array | Place | None) -> Record:
-    """The fields with one that the caller gives, of which the file must say nothing."""
+    """The fields with one added by the caller; `InputError` if the file states the same already."""
     if value is None:
         return record
     what, option, names, which = CALLERS[name]
@@ -161,7 +161,7 @@ def with_callers(record: Record, name: str, value: Array | Place | None) -> Reco
 
 
 def in_metres(record: Record, layout: layouts.Layout, unit: Unit | None) -> Record:
-    """The fields of a file of bare joints with its lengths in metres."""
+    """The fields of a file of bare joints, with lengths converted to metres."""
     if unit is None:
         return record
     refuse_layout(record, layout, "--keypoint-unit", "in metres")
@@ -184,9 +184,9 @@ def sequence_in(
     mano_dir: Path | str | None = None,
     given: ObjectPoses | None = None,
 ) -> tuple[Sequence, Notes]:
-    """The sequence in the fields of a layout, and what had to be assumed, in words.
+    """The sequence in the fields of a layout, and notes on what was assumed.
 
-    `given` are the caller's poses of the object, whose matrices are the field 'obj_pose'.
+    `given` are the caller's object poses; their matrices are already in the field 'obj_pose'.
     """
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
@@ -207,7 +207,7 @@ def sequence_in(
 
 
 def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
-    """The sequence with what a file says of the camera that all hands were seen by."""
+    """The sequence with the camera ray or position from a file, which holds for all hands."""
     there = [name for name in CAMERA_FIELDS if name in record]
     if len(there) > 1:
         raise InputError(f"{record.where}: got {quoted(there)}; remove one of them")
@@ -221,15 +221,15 @@ def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
 def save_sequence(
     sequence: Sequence, path: Path | str, *, extra: Mapping[str, np.ndarray] | None = None
 ) -> None:
-    """Write a sequence as a geneoh-sequence npz, whole or not at all; equal ones give equal bytes.
+    """Write a sequence as a geneoh-sequence npz, atomically; equal sequences give equal bytes.
 
-    Of the object's meshes it keeps the paths, relative to the file, and hashes. A mesh that is in
-    no file is not kept, which is logged as a warning. `extra` arrays are kept by name as well;
-    reading leaves them alone.
+    Of the object's meshes it stores hashes, and paths relative to the npz. A mesh that is in no
+    file is not stored, which is logged as a warning. `extra` arrays are stored under their names;
+    `load` ignores them.
 
     Raises:
-        InputError: the place cannot be written to, or the sequence has no hand, two of one side,
-            other frames than its object, or betas of two hand models.
+        InputError: the path cannot be written, or the sequence has no hand, two hands of one side,
+            another number of frames than its object, or betas of two hand models.
         ValueError: an extra array has the name of a field of the layout, or holds objects.
     """
     path = Path(path)
@@ -250,7 +250,7 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
     arrays: Arrays = {name: np.array(value) for name, value in about.items()}
     arrays |= motion_arrays(motion)
     models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
-    if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
+    if AS_SHIPPED in models:  # the right hand is the same in both variants
         models.discard(MENDED)
     if len(models) > 1:
         raise InputError(
@@ -287,5 +287,5 @@ def hand_arrays(hand: HandTrack) -> Arrays:
 
 
 def plain(values: Tensor) -> np.ndarray:
-    """A tensor as numpy keeps it, off any device and graph."""
+    """A tensor as a numpy array, detached and on the CPU; float32 if it is floating point."""
     return values.detach().to("cpu", torch.float32 if values.is_floating_point() else None).numpy()

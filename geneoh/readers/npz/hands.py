@@ -1,7 +1,7 @@
-"""The hands of an npz in each of its layouts.
+"""Read the hands of an npz in each of the layouts.
 
-What only the file's owner knows, such as the side of the hand, must come from the caller when the
-file leaves it open; what had to be assumed is noted.
+The caller must pass what the file leaves open and only its owner knows, such as the side of the
+hand. Assumptions are noted.
 """
 
 from pathlib import Path
@@ -29,13 +29,13 @@ from geneoh.sequence.sequence import HandTrack
 def read_hands(
     record: Record, layout: Layout, side: Side | None = None, mano_dir: Path | str | None = None
 ) -> tuple[tuple[HandTrack, ...], Notes]:
-    """The hand tracks of a file in a known layout, and what had to be assumed; see `load`."""
+    """The hand tracks of a file in a known layout, and notes on what was assumed; see `load`."""
     if layout == "geneoh-sequence":
         return read_own(record, side)
     side = side_of(record, side)
     if layout == "smplx":
         hand, notes = read_smplx(record, side, mano_dir)
-    elif layout == "taco":  # which used the official left file as it is
+    elif layout == "taco":  # TACO used MANO's official left hand unchanged
         shipped = name_of(side, AS_SHIPPED)
         hand, notes = read_track(record, side, layouts.TACO_NAMES, hand_model=shipped)
     else:
@@ -44,7 +44,7 @@ def read_hands(
 
 
 def side_of(record: Record, given: Side | None) -> Side:
-    """Which hand a file of one hand holds, by its field 'side' or the caller, who must agree."""
+    """Side of the hand in a file of one hand: its field 'side' or the caller's; both must agree."""
     side = record.optional_text("side")
     side = side and side.strip().lower()
     if side not in (None, "left", "right"):
@@ -63,7 +63,7 @@ def side_of(record: Record, given: Side | None) -> Side:
 
 
 def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...], Notes]:
-    """Our own layout: up to two hands, each field with its side in front."""
+    """Geneoh's own layout: one or two hands, the side in front of each field name."""
     names: dict[Side, dict[str, str]] = {s: layouts.own_names(s) for s in ("right", "left")}
     sides: list[Side] = [s for s in names if record.values.keys() & names[s].values()]
     if not sides or given not in (None, *sides):
@@ -73,7 +73,7 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
             f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; {cure}"
         )
     sides = [given] if given else sides
-    # where none is seen, reading refuses all of them
+    # if no hand is observed, `read_track` below raises the error
     seen: list[Side] = [side for side in sides if is_seen(record, names[side])] or sides
     unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
     found = [read_track(record, s, names[s], hand_model=read_hand_model(record, s)) for s in seen]
@@ -93,7 +93,7 @@ def is_seen(record: Record, names: dict[str, str]) -> bool:
 
 
 def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple[HandTrack, Notes]:
-    """The names of smplx: pose in two parts (matrices too), translation of MANO's origin."""
+    """The smplx layout: orientation and finger pose (or matrices), translation of MANO's origin."""
     for name in SMPLX_PARAMETERS[:2]:
         if name not in record:
             raise InputError(
@@ -124,9 +124,9 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
 def mean_to_add(
     record: Record, side: Side, mano_dir: Path | str | None
 ) -> tuple[Float[Tensor, "15 3"], Notes]:
-    """MANO's mean pose where a file's poses are relative to it, else zeros; and what was assumed.
+    """MANO's mean pose if the file's poses are relative to it, else zeros; and notes.
 
-    smplx makes hands so (`flat_hand_mean=False`) where nobody asks for anything else.
+    Relative poses (`flat_hand_mean=False`) are the default of smplx.
     """
     said = record.optional_number("flat_hand_mean")
     if said == 0 and mano_dir is None:
@@ -151,7 +151,7 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
 def offset_of_wrist(
     side: Side, betas: Float[Tensor, " 10"] | None, mano_dir: Path | str | None
 ) -> tuple[Float[Tensor, " 3"], Notes]:
-    """From MANO's origin to the wrist, with the left hand of smplx; or the mean hand's."""
+    """Offset from MANO's origin to the wrist, with smplx's left hand; the mean's without MANO."""
     if mano_dir is None:
         return float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
     hand = load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir)

@@ -1,6 +1,6 @@
-"""The layouts of npz files that people have: their fields, and how to recognise them.
+"""The layouts of npz files that are read: their fields, and how to recognise them.
 
-A file that could be in two of them is refused, never guessed about.
+A file that fits two layouts is refused.
 """
 
 import difflib
@@ -23,24 +23,24 @@ FORMAT, VERSION = SEQUENCE_FORMAT, 1
 
 HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence")
 HAND_FIELDS += ("joint_spread", "camera_ray")
-"""Fields of a hand in our own layout, where each has its side in front."""
+"""Fields of a hand in geneoh's own layout, without the side that precedes each name."""
 OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose", "object_valid")
 """Fields of the object in every layout."""
 CAMERA_FIELDS = ("camera_ray", "camera_position")
-"""What is known of the camera that all hands were seen by, in every layout."""
+"""Fields of the camera that saw all hands, in every layout."""
 MESH_FIELDS = ("object_files", "object_hashes")
-"""Where the object's meshes are and what they held, in files that geneoh wrote."""
+"""Paths and hashes of the object's meshes, in files that geneoh wrote."""
 SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
 JOINT_NAMES = {name: name for name in ("joints", "valid", "confidence")}
 TACO_NAMES = {
     **{"pose": "hand_pose", "wrist": "hand_trans", "betas": "hand_shape"},
     **{"joints": "hand_joints", "valid": "hand_valid"},
 }
-"""What the fields of a hand are called in the layout of bare joints and in TACO's."""
+"""Names of a hand's fields in the layout of bare joints, and in TACO's."""
 
 
 def own_names(side: Side) -> dict[str, str]:
-    """What the fields of one hand are called in our own layout."""
+    """Names of one hand's fields in geneoh's own layout, by `HAND_FIELDS`."""
     return {name: f"{side}_{name}" for name in HAND_FIELDS}
 
 
@@ -60,21 +60,21 @@ MARKS: dict[Layout, tuple[str, ...]] = {
     "smplx": ("global_orient", "transl"),
     "taco": ("hand_trans", "hand_joints", "hand_shape", "hand_valid"),
 }
-"""Fields that only this layout has."""
+"""Fields that identify a layout, because no other has them."""
 
 BODY_MARKS = (("body_pose",), ("pose_body",), ("poses", "trans"))
-"""Fields of bodies, under smplx's names or in AMASS."""
+"""Sets of fields that identify a body, by the names of smplx or AMASS."""
 
 POSE_NAMES = ("pose", "poses", "theta", "thetas", "fullpose", "full_pose", "mano_pose")
-"""What programs call MANO's orientation and fingers in one field."""
+"""Common names of a single field with MANO's whole pose: global orientation and fingers."""
 
 BODY_LEFT_OUT = (
     "the body that the hands belong to is left out: its arms would not meet hands that have moved"
 )
-"""What a file of hands under smplx's names may hold that no sequence has, in words."""
+"""Note on a file of hands by smplx's names that also holds a body pose."""
 
 MOST_NAMES = 25
-"""Names of fields that a message lists."""
+"""Largest number of field names that a message lists."""
 
 TYPO_CUTOFF = 0.85
 """Similarity above which an unknown field name is taken for a misspelt one."""
@@ -99,7 +99,7 @@ def layout_of(record: Record) -> Layout:
     found: dict[Layout, list[str]] = {
         layout: [name for name in marks if name in record] for layout, marks in MARKS.items()
     }
-    # `joints` may complete the smplx names, which carry none; the TACO names have their own.
+    # smplx has no name for keypoints, so `joints` may stand beside it; TACO has `hand_joints`.
     if "joints" in record and not found["smplx"]:
         found["joints"] = ["joints"]
     found = {layout: names for layout, names in found.items() if names}
@@ -132,7 +132,7 @@ def layout_of(record: Record) -> Layout:
 
 
 def is_of_hand(record: Record, name: str) -> bool:
-    """Whether a field has the 48 numbers or 16 turns of MANO's pose in each frame."""
+    """Whether a field has MANO's pose in each frame: 48 numbers, or 16 axis-angle vectors."""
     value = record.values.get(name)
     return isinstance(value, np.ndarray) and value.shape[1:] in ((48,), (16, 3))
 
@@ -147,7 +147,7 @@ def refuse_other_format(record: Record) -> None:
 
 
 def misspelt_fields(record: Record, layout: Layout) -> list[str]:
-    """Unknown fields that look like a known one that the file lacks, with that one."""
+    """Warnings for unknown fields whose names resemble a known field that the file lacks."""
     known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, *MESH_FIELDS}
     missing = sorted(known - set(record.values))
     unknown = [name for name in record.values if name not in known]

@@ -1,4 +1,4 @@
-"""Meshes of a sequence as its npz names them: paths, and hashes by which they are known again."""
+"""How an npz refers to its object's meshes: by file paths, and by hashes of their contents."""
 
 import os
 from pathlib import Path
@@ -14,11 +14,11 @@ from geneoh.readers.records import Record
 
 FILES, HASHES = MESH_FIELDS
 IN_NO_FILE = "the object's mesh was made in memory, and no file is known that holds it"
-"""What is said of a sequence that has hashes of its meshes alone."""
+"""Note on a sequence with hashes but no paths of its meshes."""
 
 
 def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
-    """SHA-256 of meshes' contents, and the paths from a folder where all of them are in files."""
+    """SHA-256 hashes of meshes, and their paths relative to a folder if every mesh has a file."""
     if not meshes:
         return {}
     arrays = {HASHES: np.array([mesh.sha256 for mesh in meshes])}
@@ -37,7 +37,7 @@ def _seen_from(folder: Path, file: Path) -> str:
 
 
 def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
-    """The meshes that a file names, if all are there and as they were; else none, and why."""
+    """The meshes that an npz names, if all files exist and are unchanged; else none, and why."""
     if FILES not in record:
         return (), IN_NO_FILE if HASHES in record else ""
     names = record.texts(FILES)
@@ -58,7 +58,10 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
 
 
 def known_mesh(path: Path, hashes: list[str] | None) -> Mesh | None:
-    """The mesh or part of a file with one of some hashes, in any unit; without, all in metres."""
+    """The mesh in a file, or its part, that has one of `hashes` in some unit, if any does.
+
+    Without hashes it is the whole mesh, read in metres.
+    """
     for unit in reversed(METRES):  # metres first
         whole = load_mesh(path, unit)
         for mesh in (whole, *whole.parts):

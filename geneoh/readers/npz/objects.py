@@ -19,7 +19,7 @@ MOTION_MISSING = (
 
 
 def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> ObjectTrack:
-    """The motion from rotation and translation or 4x4 matrices; without mesh and motion none."""
+    """The motion from rotation and translation or 4x4 matrices; empty without mesh and motion."""
     pair = [name for name in OBJECT_FIELDS[:2] if name in record]
     if not (pair or meshes or "obj_pose" in record):
         return ObjectTrack.resting((), frames)
@@ -57,7 +57,7 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
 def observed_object(
     record: Record, meshes: tuple[Mesh, ...], rotation: Array, translation: Array
 ) -> ObjectTrack:
-    """The track with poses that are NaN, or not in `object_valid`, marked and filled."""
+    """The track; poses that are NaN or outside `object_valid` are marked and filled in."""
     frames, parts = translation.shape[:2]
     seen = record.optional_array("object_valid", ("T", "Q"), ("T",))
     if seen is not None:

@@ -1,4 +1,4 @@
-"""The track of one hand out of the fields of an npz, and the frames in which there is a hand."""
+"""The track of one hand from the fields of an npz, and the mask of its observed frames."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ IN_CONFIDENCE = "write 0 where nothing is known of a keypoint, or leave the fiel
 
 
 def read_hand_model(record: Record, side: Side, default: str | None = None) -> str | None:
-    """Whose betas of one side a file has: MANO's right hand has one form only."""
+    """The hand model that the betas of one side belong to; MANO's right hand has one variant."""
     model = record.optional_text("hand_model")
     refuse_unknown_model(model, record.where)
     model = model or default
@@ -32,7 +32,7 @@ def read_hand_model(record: Record, side: Side, default: str | None = None) -> s
 def read_betas(
     record: Record, name: str, mask: str = "valid"
 ) -> tuple[Float[Tensor, " 10"] | None, Notes]:
-    """Shape coefficients; one set per frame is averaged over those of the mask, which is noted."""
+    """Shape coefficients; if there is a set per frame, their mean over the mask, with a note."""
     betas, notes = record.tensor(name, (10,), ("T", 10)), ()
     if betas is not None and betas.ndim == 2:
         observed = betas[frames_with_shape(record, betas, mask)]
@@ -48,7 +48,7 @@ def read_betas(
 def frames_with_shape(
     record: Record, betas: Float[Tensor, "T 10"], mask: str = "valid"
 ) -> Bool[Tensor, " T"]:
-    """Frames of the mask with betas that are not all 0; all finite ones where there is none."""
+    """Frames of the mask whose betas are finite and not all 0; if none, all with finite betas."""
     finite = all_finite(betas)
     seen = finite & betas.any(1)
     if mask in record and len(flags := record.flags(mask)) == len(betas):
@@ -57,7 +57,7 @@ def frames_with_shape(
 
 
 def read_confidence(record: Record, name: str) -> Float[Tensor, "T 21"] | None:
-    """Trust in each keypoint, from one number per frame or per keypoint."""
+    """Confidence of each keypoint, from one number per frame or per keypoint."""
     values = record.tensor(name, ("T", 21), ("T",), unit="from 0 to 1")
     if values is None:
         return None
@@ -70,7 +70,7 @@ def read_confidence(record: Record, name: str) -> Float[Tensor, "T 21"] | None:
 
 
 def order_remedy(record: Record, names: dict[str, str]) -> str:
-    """What to do about keypoints that are as many as another order has; empty for all others."""
+    """Remedy for keypoints whose number is that of another joint order; empty for other numbers."""
     order = order_of_points(record.values.get(names["joints"]))
     if order is None:
         return ""
@@ -89,10 +89,10 @@ def read_track(
     pose: Float[Tensor, "T 16 3"] | None = None,
     wrist: Float[Tensor, "T 3"] | None = None,
 ) -> tuple[HandTrack, Notes]:
-    """One hand from its fields, with the frames that can be used marked as valid.
+    """One hand from its fields, with the usable frames marked as valid, and notes.
 
-    `names` has the file's name of each of `HAND_FIELDS` that its layout has; `parameters` are
-    further fields, from which `pose` and `wrist` were made.
+    `names` maps entries of `HAND_FIELDS` to the field names of the layout. `pose` and `wrist` are
+    passed if they had to be computed, and `parameters` lists the fields that they came from.
     """
     field = {name: names.get(name, "") for name in layouts.HAND_FIELDS}
     openpose = {"unit": "in metres, in OpenPose order", "remedy": order_remedy(record, names)}
@@ -133,7 +133,7 @@ def read_track(
 def observed_frames(
     record: Record, side: Side, field: dict[str, str], finite: dict[str, Bool[Tensor, " T"]]
 ) -> tuple[Bool[Tensor, " T"], Notes]:
-    """Frames that hold a hand: those of the file's mask, which must be finite, else the finite."""
+    """Frames with a hand: the file's mask, inside which all must be finite, else finite frames."""
     mask, whole = field["valid"], torch.stack(list(finite.values())).all(0)
     if mask in record:
         return masked_frames(record, side, field, finite), ()
@@ -152,7 +152,7 @@ def observed_frames(
 def masked_frames(
     record: Record, side: Side, field: dict[str, str], finite: dict[str, Bool[Tensor, " T"]]
 ) -> Bool[Tensor, " T"]:
-    """Frames that hold a hand by the file's mask, in which all must be finite."""
+    """The file's mask of frames with a hand; `InputError` if it is empty or holds NaN frames."""
     mask = field["valid"]
     valid = record.flags(mask)
     if not bool(valid.any()):

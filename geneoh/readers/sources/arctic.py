@@ -40,7 +40,7 @@ FOLDERS = ("seqs", "processed_seqs")
 HINGE = np.array([0.0, 0.0, -1.0])
 """Axis of the top in the canonical frame, through its origin."""
 TOP, BOTTOM = 0, 1
-"""In parts.json, by the code behind the published numbers; its documentation says the opposite."""
+"""Numbers of the parts in parts.json, as ARCTIC's code has them; its documentation swaps them."""
 CONVENTION = base.ManoConvention("origin", mean_added=True)
 ORTHOGONAL = 0.05
 """Largest entry of R^T R - I that half precision and a network's own projection leave."""
@@ -140,7 +140,7 @@ class Images:
     frames: Array
 
     def read(self, key: str, *shapes: Shape) -> Array:
-        """(N, ...) one predicted quantity; what the last window is padded with is cut."""
+        """(N, ...) one predicted quantity, without the padding of the last window."""
         path = self.folder / f"pred.{key}.pt"
         values = Record(str(path), {key: read_values(path)}).array(key, *shapes)
         if len(values) < len(self.frames):
@@ -181,7 +181,7 @@ def _read_hand(
 
 
 def _confidence_of(record: Record, name: str) -> Array | None:
-    """(T, 21) trust by the error of the fit, in no known unit: 1 to the median, then its share."""
+    """(T, 21) confidence by the error of the fit, of unknown unit: min(1, median error / error)."""
     error = record.optional_array(name, ("T",), ("T", 1))
     if error is None:
         return None
@@ -192,19 +192,19 @@ def _confidence_of(record: Record, name: str) -> Array | None:
 
 
 def _stored_motion(values: Array) -> Array:
-    """(T, 2, 4, 4) of bottom and top by (T, 7) angles, rotations, and places in millimetres."""
+    """(T, 2, 4, 4) of bottom and top, from (T, 7) angle, axis-angle, translation in millimetres."""
     return _part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * METRES["mm"])
 
 
 def _part_motion(angle: Array, orient: Array, shift: Array) -> Array:
-    """(T, 2, 4, 4) of bottom and top: the top is turned about the hinge, then moved as a whole."""
+    """(T, 2, 4, 4) of bottom and top: the top turns about the hinge, then both move as a whole."""
     whole = rotation_matrices(orient)
     opened = whole @ rotation_matrices(angle[:, None] * HINGE)
     return np.stack([rigid_matrices(whole, shift), rigid_matrices(opened, shift)], axis=1)
 
 
 def read_parts(folder: Path) -> tuple[dict[str, Mesh], tuple[str, ...]]:
-    """Bottom and top of a template in metres, and what contradicts the meaning of its parts."""
+    """Bottom and top of a template in metres, and a contradiction if the two are exchanged."""
     mesh, ids = read_template(folder)
     where = str(folder / "mesh.obj")
     bottom, top = (part_of_mesh(mesh, ids == part, where) for part in (BOTTOM, TOP))
@@ -226,7 +226,7 @@ def read_template(folder: Path) -> tuple[Mesh, Array]:
 
 
 def _exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
-    """Whether the parts' own meshes say that top and bottom are exchanged."""
+    """A contradiction if the parts' own meshes show that top and bottom are exchanged."""
     files = [folder / "bottom.obj", folder / "top.obj"]
     if not all(file.is_file() for file in files):
         return ()

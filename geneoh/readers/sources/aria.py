@@ -1,9 +1,9 @@
 """Aria MPS hand tracking: hand_tracking/hand_tracking_results.csv, slam/closed_loop_trajectory.csv.
 
 tracking_timestamp_us, {side}_tracking_confidence (-1: none) and
-t{x,y,z}_{side}_landmark_{0-20}_device in the device's frame, metres; the trajectory takes them to
+t{x,y,z}_{side}_landmark_{0-20}_device in the device's frame, metres; the trajectory maps them to
 the world. Aria has no joint at the base of the thumb: one is estimated, with confidence 0. Frames
-below a confidence of 0.7 are not taken.
+below a confidence of 0.7 count as not observed.
 """
 
 import re
@@ -21,7 +21,7 @@ MICROSECONDS = 1e-6
 LEAST_CONFIDENCE = 0.7
 """Below it landmarks are unusable; the threshold that EgoAllo uses."""
 LONGEST_WAIT = 0.1
-"""Seconds between a hand's frame and the nearest pose of the device."""
+"""Longest time in seconds between a hand's frame and the nearest pose of the device."""
 TRACKING = re.compile(
     r"tracking_timestamp_us|(left|right)_tracking_confidence"
     r"|t[xyz]_(left|right)_landmark_\d+_device"
@@ -33,7 +33,7 @@ TRAJECTORY = re.compile(r"tracking_timestamp_us|[tq][xyzw]_world_device")
 
 @reads("hand_tracking_results.csv", name_above=2, takes=("object_pose",))
 def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """Both hands at even steps of time, in the world where the trajectory is there."""
+    """Both hands at even steps of time, in the world if there is a trajectory."""
     record = foreign_files.read_table(clip.path, TRACKING)
     seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
     device, notes = read_device(base.ancestor(clip.path, 2), seconds)
@@ -46,7 +46,7 @@ def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def read_side(record: Record, side: Side) -> tuple[Array, Array]:
-    """(N, 21, 3) keypoints in the device's frame, NaN without confidence, and (N, 21) trust."""
+    """(N, 21, 3) keypoints in the device's frame, NaN if unreliable, and (N, 21) confidence."""
     confidence = record.array(f"{side}_tracking_confidence", ("N",))
     columns = [f"t{axis}_{side}_landmark_{k}_device" for k in range(21) for axis in "xyz"]
     points = np.stack([record.array(column, ("N",)) for column in columns], axis=-1)
@@ -56,7 +56,7 @@ def read_side(record: Record, side: Side) -> tuple[Array, Array]:
 
 
 def read_device(root: Path, seconds: Array) -> tuple[Array | None, Notes]:
-    """(N, 4, 4) device to world at some times, NaN where it is unknown, if the file is there."""
+    """(N, 4, 4) device to world at some times, NaN where unknown; None without a trajectory."""
     path = root / "slam/closed_loop_trajectory.csv"
     if not path.is_file():
         return None, ("frame of the moving device: there is no closed_loop_trajectory.csv",)

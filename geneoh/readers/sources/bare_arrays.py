@@ -1,8 +1,8 @@
 """Any array of keypoints, or of MANO parameters. NaN means not observed.
 
-A file with fields may say more: 'side', 'fps', 'valid' (T), 'confidence' (T) or (T, N), times or
-numbers of frames (T), and the object's motion, with the meaning that they have in npz files that
-need no source.
+A file with fields may also hold 'side', 'fps', 'valid' (T), 'confidence' (T) or (T, N), timestamps
+or frame numbers (T), and the object's motion, with the same meaning as in an npz that is read
+without --from.
 
 Keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, in a named order (--joint-order); the orders
 of WebXR and OpenXR have 25 and 26 points. Metres unless --keypoint-unit says otherwise. --side says
@@ -113,13 +113,13 @@ def _fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[s
 
 
 def said_beside(record: Record, options: base.ReaderOptions, notes: Notes) -> dict[str, Any]:
-    """Fields of `ClipParts` that a file says beside its hand: the times, the object, and notes."""
+    """Fields of `ClipParts` other than the hand: timestamps, the file's object, and notes."""
     motion, about_object = stated_object(record, options)
     return {"stamps": record, "stated": motion, "notes": (*notes, *about_object)}
 
 
 def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:
-    """A file's own object, unless the caller gives poses, and what is not read of the file."""
+    """A file's own object, unless the caller passes poses, and notes on fields that are ignored."""
     own = [name for name in layouts.OBJECT_FIELDS[:3] if name in record]
     camera = unread(record, layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
     if options.object_pose is not None or not own:
@@ -130,7 +130,7 @@ def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTr
 
 
 def unread(record: Record, names: Iterable[str], beside: str) -> Notes:
-    """A note on fields that are read of an npz without a source, and not beside something."""
+    """A note on fields that are ignored with the option `beside`, but read without it."""
     found = [name for name in names if name in record]
     return (f"{layouts.quoted(found)} of the file: not read beside {beside}",) if found else ()
 

@@ -1,7 +1,7 @@
 """BOTH57M clips: a joblib list of dicts with trans, root_orient, body_pose (T, 21, 3), hand_pose.
 
 hand_pose (T, 30, 3) holds left, then right, absolute, relative to the wrists of an SMPL+H body
-(male, zero betas, y up, 30 frames a second). The hands have no place of their own: the body is
+(male, zero betas, y up, 30 frames a second). The hands have no position of their own: the body is
 posed first, which needs the user's SMPL+H model (--body). There is no object.
 """
 

@@ -26,11 +26,11 @@ YCB = (
     *("024_bowl", "025_mug", "035_power_drill", "036_wood_block", "037_scissors"),
     *("040_large_marker", "051_large_clamp", "052_extra_large_clamp", "061_foam_brick"),
 )
-"""Objects 1 to 21."""
+"""Names of the objects 1 to 21."""
 NO_OBJECT = np.array([0.0, 0, 0, 1, 0, 0, 0])
 """Pose of an object that was not found."""
 NO_HAND = -1
-"""Every coordinate of a label without a hand."""
+"""Value of every coordinate in a label without a hand."""
 
 
 # `mean_added` stays False: `hand_of_rows` has added the mean pose already.

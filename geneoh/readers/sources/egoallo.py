@@ -1,10 +1,10 @@
 """EgoAllo's results: {trajectory}/egoallo_outputs/{date}_{start}-{end}.npz, the wearer's body.
 
-Of S samples: Ts_world_root (S, T, 7), quaternion with the real part first and place of the pelvis;
-body_quats (S, T, 21, 4), left_hand_quats and right_hand_quats (S, T, 15, 4), each relative to its
-parent, fingers absolute; betas (S, T, 16). Also timestamps_ns (T,). Metres, z up, the world of
-Aria's SLAM. The hands have no place of their own: the body is posed first, which needs the user's
-neutral SMPL-H model (--body). There is no object.
+For S samples: Ts_world_root (S, T, 7), quaternion wxyz and position of the pelvis; body_quats
+(S, T, 21, 4), left_hand_quats and right_hand_quats (S, T, 15, 4), each relative to its parent,
+fingers absolute; betas (S, T, 16). Also timestamps_ns (T,). Metres, z up, the world of Aria's SLAM.
+The hands have no position of their own: the body is posed first, which needs the user's neutral
+SMPL-H model (--body). There is no object.
 """
 
 from pathlib import Path

@@ -1,9 +1,10 @@
 """FPHAB with Hasson's fits: Subject_{k}/{action}/{rep}/ below fhbhands_fits and the annotations.
 
 pkls.pkl holds a dict of frames with fullpose (48,) absolute, trans (3,) of MANO's origin in metres
-and shape, in the colour camera's frame; object_pose.txt a frame number and a 4x4 in columns,
-millimetres; skeleton.txt keypoints in FPHAB's order, millimetres, which the camera's extrinsic
-takes to it. Object models are in metres. Right hands, 30 frames a second.
+and shape, in the colour camera's frame. Each row of object_pose.txt is a frame number and a 4x4
+matrix in column-major order, each row of skeleton.txt a frame number and keypoints in FPHAB's
+order; both are in millimetres, and `EXTRINSIC` maps both to the colour camera's frame. Object
+models are in metres. Right hands, 30 frames a second.
 """
 
 from pathlib import Path
@@ -20,7 +21,7 @@ from geneoh.readers.records import FRAME_LIMIT, Array
 from geneoh.readers.transforms import moved_points
 
 OBJECTS = {"juice": "juice_bottle", "liquid_soap": "liquid_soap", "milk": "milk", "salt": "salt"}
-"""Objects with poses, by what the action's name says."""
+"""Objects with poses, by the word for them in the action's name."""
 EXTRINSIC = np.array(
     [
         [0.999988496304, -0.00468848412856, 0.000982563360594, 25.7],
@@ -31,7 +32,7 @@ EXTRINSIC = np.array(
 )
 """Depth to colour camera, millimetres, from the data set's README."""
 SENSOR_TOLERANCE = 0.04
-"""Metres between the magnetic sensors' keypoints, which lie on the skin, and a fit of MANO."""
+"""Largest distance in metres of the magnetic sensors' keypoints, on the skin, from MANO's fit."""
 
 
 @reads("pkls.pkl", clip_is_folder=True, name_parts=3, convention=base.ORIGIN, takes=("objects",))
@@ -66,7 +67,7 @@ def annotation(root: Path, folder: str, way: Path, file: str) -> Path:
 
 
 def frame_rows(path: Path, count: int) -> dict[int, Array]:
-    """Rows of so many numbers behind a frame's number, by that."""
+    """Rows of `count` numbers, by the frame number in front of them."""
     rows = read_numbers(path, 1 + count)
     first = rows[:, 0]
     if not (np.isfinite(first) & (first >= 0) & (first < FRAME_LIMIT)).all():

@@ -37,7 +37,7 @@ from geneoh.readers.transforms import moved_points, rigid_matrices, rotation_mat
 
 MESHES = "tools/object_meshes/contact_meshes"
 VERTS = 778
-"""Of MANO."""
+"""Number of MANO's vertices."""
 HAND_LABELS: dict[Side, tuple[int, ...]] = {
     "left": (21, *range(26, 41)),
     "right": (22, *range(41, 56)),
@@ -45,16 +45,17 @@ HAND_LABELS: dict[Side, tuple[int, ...]] = {
 """Numbers of the body parts that belong to a hand, among the labels of contact."""
 COEFFICIENTS = 24
 POINTS_CHECKED = 50
-"""Of the 8000 points on the object, in each frame."""
+"""Number of points that are checked in each frame, of the 8000 on the object."""
 JUMP, JUMP_SHARE = 0.03, 6.0
-"""Metres a frame, and times the median step, beyond which a hand has jumped; in a clip with a
-median step of 2.7 mm frames are missing where it goes 49 and 105 mm."""
+"""Step in metres, and in multiples of the median step, beyond both of which a hand has jumped. In a
+clip with a median step of 2.7 mm, frames are missing at steps of 49 and 105 mm."""
 FIT_FRAMES = 50
-"""Frames from which the shape of a hand is fitted."""
+"""Number of frames to which the shape of a hand is fitted."""
 FIT_LIMIT = 0.01
-"""Mean metres that the fitted hand may miss the vertices; people's own meshes leave some 3 mm."""
+"""Largest mean distance in metres of the fitted hand from the vertices; personal meshes leave some
+3 mm."""
 LISTINGS = (MESHES, "object_meshes")
-"""Where the meshes lie below GRAB's root, and below GeneOH's data/grab."""
+"""Folders of the meshes below GRAB's root, and below GeneOH's data/grab."""
 OTHER_FILES = ("_subj", "_meta_data")
 """Endings of the names of files that GeneOH puts beside the clips."""
 
@@ -86,13 +87,13 @@ def grab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def frames_of_touch(clip: base.SourceClip) -> dict[Side, Array]:
-    """(T,) for each hand, the frames in which it touches the object, by the labels of contact."""
+    """(T,) mask for each hand of the frames in which it touches the object, by contact labels."""
     labels = contact_labels(foreign_files.read_record(clip.path))
     return {side: np.any(np.isin(labels, parts), axis=1) for side, parts in HAND_LABELS.items()}
 
 
 def contact_labels(record: Record) -> Array:
-    """(T, V) the part of the body that touches each vertex of the object; 0 for none."""
+    """(T, V) label of the body part that touches each vertex of the object; 0 for none."""
     contact = record.record("contact")
     labels = contact.values.get("object")
     # Not through `Record.array`: as float64 the labels of a dense mesh take eight times the memory.
@@ -126,7 +127,7 @@ def _hand_of(record: Record, side: Side, root: Path) -> base.ManoParameters:
 
 
 def inside(root: Path, relative: str) -> Path:
-    """A path that a file names, which must not lead out of the data set."""
+    """A path that a file names, without parts that would lead out of the data set."""
     words = [word for word in relative.replace("\\", "/").split("/") if word not in ("", ".", "..")]
     return root.joinpath(*words)
 
@@ -138,7 +139,7 @@ def inside(root: Path, relative: str) -> Path:
     takes=("objects",),
 )
 def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """One hand and the object, which is one recording for each stretch without a jump."""
+    """One hand and the object; each run of frames without a jump becomes a recording."""
     record = _read_fields(clip.path)
     side = _side_of(record)
     mano = builders.mano_of_coefficients(options, side, str(clip.path))
@@ -158,7 +159,7 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
         betas, places, moved_verts = subject
         wrist, offset = places + mano.wrist_offset(betas), (moved_verts - verts).mean(1)
     name, mesh = _read_object(record, clip.path, options)
-    # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
+    # The mean of the moved vertices is the origin; f6 agrees, except for left hands.
     rotation = rotation_matrices(record.array("f5", ("T", 3))).transpose(0, 2, 1)
     middle = mesh.verts.double().numpy().mean(0)
     motion = rigid_matrices(rotation, offset - rotation @ middle)
@@ -199,7 +200,7 @@ def _side_of(record: Record) -> Side:
 
 
 def read_subject(path: Path, side: Side, frames: int) -> tuple[Array, Array, Array] | None:
-    """GeneOH's betas, places and (T, 778, 3) vertices of a right hand, if they are there."""
+    """GeneOH's betas, translations and (T, 778, 3) vertices of a right hand, if there are any."""
     split = path.parent
     folders = (split, split.parent.with_name(f"{split.parent.name}_wsubj") / split.name)
     files = [folder / f"{path.stem}_subj.npy" for folder in folders]
@@ -215,7 +216,7 @@ def read_subject(path: Path, side: Side, frames: int) -> tuple[Array, Array, Arr
 def shape_and_wrist(
     model: HandModel, pose: Array, verts: Array, record: Record
 ) -> tuple[Array, Array]:
-    """(10,) betas and (T, 3) wrist, in which vertices are linear, of the hand nearest to them."""
+    """(10,) betas and (T, 3) wrist of the hand nearest to the vertices, by linear least squares."""
     chosen = np.unique(np.linspace(0, len(pose) - 1, FIT_FRAMES).astype(int))
     trial = torch.cat([torch.zeros(1, 10), torch.eye(10)])
     poses, nowhere = torch.from_numpy(pose[chosen]).float(), torch.zeros(len(chosen), 3)
@@ -263,10 +264,10 @@ def _read_object(record: Record, path: Path, options: base.ReaderOptions) -> tup
 
 
 def jumps(record: Record, rim: Array, rotation: Array) -> Array:
-    """(T,) the frames that do not follow from the one before them.
+    """(T,) mask of the frames that do not directly follow the previous one in time.
 
-    A hand jumps where it does so in the file's frame or in the object's: a jump that the object
-    takes part in shows in the one, one beside a fast motion in the other.
+    Steps are measured in the file's frame, which shows jumps that the object shares, and in the
+    object's frame, which shows jumps during a fast motion.
     """
     after = np.concatenate([[False], np.diff(record.array("f8", ("T",))) != 1])
     for seen in (rim, np.einsum("tji,tj->ti", rotation, rim)):
@@ -277,7 +278,7 @@ def jumps(record: Record, rim: Array, rotation: Array) -> Array:
 
 
 def stored_points(record: Record) -> Array:
-    """(T, P, 3) some of the points that the file has on the object."""
+    """(T, P, 3) some of the file's points on the object."""
     points = record.array("f3", ("T", "P"))
     if points.shape[1] % 3:
         raise record.refuse("f3", "three numbers for each point")

@@ -20,12 +20,12 @@ from geneoh.readers.records import Array
 OBJECTS = ("book", "espresso", "lotion", "spray", "milk", "cocoa", "chips", "cappuccino")
 """Classes 1 to 8; 0 is no object."""
 HANDS: dict[Side, int] = {"left": 0, "right": 1}
-"""Place of each hand in a row of numbers."""
+"""Index of each hand in a row of numbers."""
 HAND, POINTS = 62, 64
 """Numbers of one hand: flag, 3 of translation, 48 of pose, 10 betas; flag and 63 of keypoints."""
 PARAMETER_FOLDERS = ("hand_pose_mano", "hand_pose_MANO")
 FIT_TOLERANCE = 0.02
-"""Metres between the annotated keypoints and the fit of MANO to them."""
+"""Largest distance in metres of the annotated keypoints from the fit of MANO to them."""
 
 
 @reads(
@@ -37,7 +37,7 @@ FIT_TOLERANCE = 0.02
     takes=("objects",),
 )
 def h2o(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """Both hands with each object, in the world; it may be another object in another frame."""
+    """Both hands with each object, in the world; the object may change from frame to frame."""
     hands = _read_frames(clip.path, PARAMETER_FOLDERS, 2 * HAND)
     objects = _read_frames(clip.path, ("obj_pose_rt", "obj_pose_RT"), 17)
     cameras = _read_frames(clip.path, ("cam_pose",), 16)
@@ -67,7 +67,7 @@ def h2o(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 def _read_frames(
     folder: Path, names: tuple[str, ...], count: int, *, missing_ok: bool = False
 ) -> dict[int, Array]:
-    """The numbers of each frame's file, from the first of some folders that is there."""
+    """The numbers of each frame's file, from the first of some folders that has files."""
     for name in names:
         files = numbered_files(folder / name, "*.txt")
         if files:
@@ -86,7 +86,7 @@ def all_numbers(path: Path, count: int) -> Array:
 
 
 def _hand_of(rows: Array, side: Side, width: int) -> Array:
-    """(T, width) the numbers of one hand; NaN where its flag says that it is not there."""
+    """(T, width) the numbers of one hand; NaN in frames where its flag is not 1."""
     values = rows[:, width * HANDS[side] :][:, :width].copy()
     values[values[:, 0] != 1] = np.nan
     return values

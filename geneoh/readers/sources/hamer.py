@@ -1,4 +1,4 @@
-"""What HaMeR and WiLoR put out, dumped by their users: one file of all images or one for each.
+"""Outputs of HaMeR and WiLoR as their users dump them: one file for all images, or one per image.
 
 pred_mano_params {global_orient (B, 1, 3, 3), hand_pose (B, 15, 3, 3), betas}, pred_keypoints_3d
 (B, 21, 3), pred_cam (B, 3), with box_center, box_size, img_size and right from the batch, or what
@@ -7,9 +7,9 @@ row; needed wherever an image may have two hands or none. Camera frame, metres; 
 length puts hands much too far away: --focal. WiLoR-mini's results are read too: the same fields
 under 'wilor_preds', with axis-angle vectors.
 
-Both estimate right hands only: left ones were mirrored, and are here mirrored back. The demos
-mirror some of the fields back themselves, in place, and WiLoR-mini all of them; which of them a
-dump holds is found from how its fields fit each other.
+Both estimate right hands only: images of left hands were mirrored, and the results are mirrored
+back here. The demos mirror some of the fields back themselves, in place, and WiLoR-mini all of
+them. Which fields of a dump are still mirrored is inferred from how they fit each other.
 """
 
 from itertools import product
@@ -66,7 +66,7 @@ def _keypoints_of(found: Detections, side: Side) -> Array:
 
 
 def _rows_of(found: Detections, side: Side) -> Array:
-    """(M,) the detections of one side, one a frame: of several the nearest to the one before."""
+    """(M,) rows of one side, one per frame: of several, the one nearest to the frame before."""
     wrist = _keypoints_of(found, side)[:, 0]
     chosen: list[int] = []
     rows = np.argsort(found.frame, kind="stable")
@@ -91,10 +91,10 @@ def _hand_of(found: Detections, side: Side, first: int, frames: int) -> dict[str
 
 
 def as_estimated(found: Detections) -> tuple[Detections, Notes]:
-    """Detections whose left hands are as they were estimated, of mirrored pictures, and a note.
+    """Detections whose left hands are as estimated from mirrored images, and a note.
 
-    Poses and keypoints are mirrored or not as they fit each other by the kinematics of a right
-    hand. The crop's camera then has the sign by which keypoints lie in the middle of their crop.
+    Poses and keypoints are mirrored, or not, so that they agree best under the kinematics of a
+    right hand. The sign of the crop camera's shift is the one that centres keypoints in their crop.
     """
     left = ~found.right
     if not left.any():
@@ -122,12 +122,13 @@ def posed_right_hand(turns: Array) -> Array:
 
 
 def mean_distance(posed: Array, points: Array) -> float:
-    """Mean distance, metres, of keypoints about their wrist from posed ones; NaN does not count."""
+    """Mean distance in metres of keypoints relative to their wrist from posed ones, without NaN."""
     return float(np.nanmean(np.linalg.norm(posed - (points - points[:, :1]), axis=-1)))
 
 
 def off_crop(rows: Detections, sign: int) -> float:
-    """Halves of a crop from its middle to the keypoints', by a sign of its shift; 0 without one."""
+    """Distance of the keypoints' centre from their crop's, in half crop widths, with a sign of the
+    crop camera's shift; 0 if that camera is unknown."""
     x = rows.points[..., 0]
     middle = (x.min(-1) + x.max(-1)) / 2
     return float(np.nan_to_num(np.abs(rows.crop[:, 0] * (middle + sign * rows.crop[:, 1]))).mean())

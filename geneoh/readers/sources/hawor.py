@@ -3,9 +3,9 @@ right.
 
 trans (2, T, 3) of MANO's origin, rot (2, T, 3), hand_pose (2, T, 45) absolute, betas (2, T, 10),
 valid (2, T); the world of its camera tracking, metres. Left poses are a left hand's, for MANO_LEFT
-with mirrored shape directions. Frames that HaWoR filled in are marked valid like those that it saw.
+with mirrored shape directions. Frames that HaWoR filled in are marked valid like observed ones.
 SLAM/hawor_slam_w_scale_{first}_{last}.npz beside it has the camera in each frame: traj (T, 7) of
-place and quaternion, camera to world, and the scale that makes metres of the places.
+translation and quaternion, camera to world, and the scale from its translations to metres.
 """
 
 from pathlib import Path
@@ -64,7 +64,7 @@ def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def camera_of(folder: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
-    """(T, 3) places of the camera in the world, metres, where HaWoR's tracking of it is there."""
+    """(T, 3) camera positions in the world, metres, None without HaWoR's tracking; and a note."""
     files = sorted(folder.glob("hawor_slam_w_scale_*.npz"))
     if not files:
         return None, ()

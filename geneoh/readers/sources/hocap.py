@@ -2,9 +2,9 @@
 
 In the world frame: poses_m (2, T, 51), the right hand first, orientation, 45 coefficients of MANO's
 components, translation (of MANO's origin, relative to the mean pose, left hand as shipped); poses_o
-(Q, T, 7) quaternion xyzw and translation; -1 everywhere where there is none. meta.yaml names the
-objects, the hands and the subject, whose betas are in calibration/mano/{subject}.yaml. Meshes are
-in models/{object}/. Metres; RealSense cameras take 30 frames a second.
+(Q, T, 7) quaternion xyzw and translation; a missing hand or object has -1 everywhere. meta.yaml
+names the objects, the hands and the subject, whose betas are in calibration/mano/{subject}.yaml.
+Meshes are in models/{object}/. Metres; RealSense cameras take 30 frames a second.
 """
 
 import numpy as np
@@ -18,9 +18,9 @@ from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 
 HANDS: dict[Side, int] = {"right": 0, "left": 1}
-"""Place of each hand in poses_m."""
+"""Index of each hand in poses_m."""
 NOTHING = -1
-"""Every number of a hand or an object that is not there."""
+"""Value of every number of a missing hand or object."""
 MESHES = ("cleaned_mesh_10000.obj", "textured_mesh.obj")
 
 
@@ -35,7 +35,7 @@ MESHES = ("cleaned_mesh_10000.obj", "textured_mesh.obj")
     takes=("objects",),
 )
 def hocap(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """Both hands with each object that moves; what only stands on the table is left out."""
+    """Both hands with each object that moves; objects at rest are left out."""
     meta = read_yaml(clip.path / "meta.yaml")
     root = base.ancestor(clip.path, 2)
     placed = read_array(clip.path / "poses_o.npy", ("Q", "T", 7))
@@ -59,7 +59,7 @@ def hocap(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def known(values: Array) -> Array:
-    """Rows of numbers, NaN in those that say that nothing is there."""
+    """The rows, with NaN in those of a missing hand or object."""
     absent = (values == NOTHING).all(-1, keepdims=True)
     return np.where(absent, np.nan, values)
 

@@ -6,7 +6,7 @@ camera.
 Distributed: handpose/refinehandpose_{side}/{seq}/{frame}.pickle, HOI4D_annotations/{seq}/objpose/
 {frame}.json and 3Dseg/output.log, HOI4D_CAD_Model_for_release/{rigid/{Category}/{NNN}.obj,
 articulated/{Category}/{NNN}/objs/new-{k}-align.obj}. A missing hand file is a frame without that
-hand. The camera's poses take all to the world.
+hand. The camera's poses map everything to the world.
 
 Prepared: {Category}/case{i}/merged_data.npy and meta_data.npy. One dict for each frame with theta
 (1, 48), beta (1, 10), trans (1, 3), joints (63,) in MANO's order, obj_rot and obj_trans, of which
@@ -32,7 +32,7 @@ from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, as_record
 
 ID_PARTS = 7
-"""Of a sequence's name: camera, person, category, instance, room, layout, task."""
+"""Parts of a sequence's name: camera, person, category, instance, room, layout, task."""
 MODELS = "HOI4D_CAD_Model_for_release"
 CATEGORIES = {
     **{1: "ToyCar", 2: "Mug", 3: "Laptop", 4: "StorageFurniture", 5: "Bottle", 6: "Safe"},
@@ -40,24 +40,25 @@ CATEGORIES = {
     **{14: "TrashCan", 17: "Lamp", 18: "Stapler", 20: "Chair"},
 }
 SWAPPED = ("Laptop", "Scissors")
-"""Their first pose belongs to part 1, their second to part 0."""
+"""Categories whose first pose belongs to part 1, and whose second pose to part 0."""
 TRAJECTORY_BLOCK = 5
 """Lines of each camera pose in an Open3D trajectory: a heading and the four rows of its matrix."""
 GAP_LIMIT, GAP_GAIN = 0.02, 0.5
-"""Metres between two parts, and share of it after exchanging their poses, that show an exchange."""
+"""Gap in metres between two parts, and ratio of the gap with exchanged poses to it, that show that
+the poses are exchanged."""
 CAMERA_GAIN, CAMERA_SHARE = 0.002, 0.5
-"""Metres a frame, and share, by which the object moves less where camera poses are inverted."""
+"""Decrease in metres a frame, and ratio, of the object's motion that show inverted camera poses."""
 
 BOTH: dict[str, Any] = {
     **{"clip_is_folder": True, "fps": 15.0, "convention": base.ORIGIN},
     **{"takes": ("objects", "swap_parts")},
 }
-"""What the readers of both forms have in common."""
+"""Fields that the readers of both formats share."""
 
 
 @reads("objpose/", name_parts=ID_PARTS, **BOTH)
 def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """Both hands and the object's parts, in the world where the camera's poses are there."""
+    """Both hands and the object's parts, in the world if there are camera poses."""
     sequence = clip.path.parts[-ID_PARTS:]
     if len(clip.path.parents) < ID_PARTS + 2:
         raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
@@ -102,7 +103,7 @@ def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     joints = _read_joints(steps, frames)
     motion = _read_motion(steps, frames)
     category, meshes = _meshes_of(clip.path, motion.shape[1], options)
-    if options.mano_dir is None:  # with the model keypoints are made; else they place the wrist
+    if options.mano_dir is None:  # stored keypoints place the wrist if MANO cannot
         hand = replace(hand, joints=builders.joints_if_complete(joints, hand.pose))
     named = {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)}
     found = _exchanged_parts(meshes, motion[base.finite_frames(motion)])
@@ -113,7 +114,7 @@ def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
 
 
 def _read_poses(files: dict[int, Path], frames: int) -> Array:
-    """(T, Q, 4, 4) of the parts to the camera; NaN where there is no file."""
+    """(T, Q, 4, 4) poses of the parts, part to camera; NaN in frames without a file."""
     parts = {frame: pose_list(path) for frame, path in files.items()}
     count = max((len(found) for found in parts.values()), default=0)
     if not count:
@@ -124,7 +125,7 @@ def _read_poses(files: dict[int, Path], frames: int) -> Array:
 
 
 def pose_list(path: Path) -> list[Record]:
-    """The parts in one annotation, `dataList` or `objects`; none where it is not effective."""
+    """The parts in one annotation, `dataList` or `objects`; empty if `isEffective` is 0."""
     record = as_record(foreign_files.read_json(path), str(path))
     if "isEffective" in record and record.finite("isEffective") == 0:
         return []
@@ -179,7 +180,7 @@ def read_meshes(
 
 
 def _exchanged_parts(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
-    """Whether two parts come together only with their poses exchanged."""
+    """A contradiction if two parts stay close only with their poses exchanged."""
     if len(meshes) != 2 or not len(poses):
         return ()
     apart, exchanged = (widest_gap(pair, poses) for pair in (meshes, meshes[::-1]))
@@ -193,7 +194,7 @@ def _exchanged_parts(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
 
 
 def inverted_cameras(cameras: Array, poses: Array, where: str) -> tuple[str, ...]:
-    """Whether the object moves less with the camera's poses taken as world to camera."""
+    """A contradiction if the object moves less with camera poses taken as world to camera."""
     if len(cameras) < 3:
         return ()
     read, other = (
@@ -222,7 +223,7 @@ def widest_gap(meshes: list[Mesh], poses: Array) -> float:
 
 
 def read_steps(path: Path) -> dict[int, Record]:
-    """Each frame's fields; a list holds frames in order, a dict by their numbers."""
+    """The fields of each frame, from a list in order or from a dict by frame number."""
     value: Any = read_values(path)
     if isinstance(value, np.ndarray) and value.dtype == object:
         value = value.tolist()
@@ -248,7 +249,7 @@ def _read_joints(steps: dict[int, Record], frames: int) -> Array:
 
 
 def _read_motion(steps: dict[int, Record], frames: int) -> Array:
-    """(T, Q, 4, 4) of the parts to the camera; NaN where there is no frame."""
+    """(T, Q, 4, 4) poses of the parts, part to camera; NaN in missing frames."""
     poses = {}
     for frame, step in steps.items():
         turn = step.array("obj_rot", (3, 3), ("Q", 3, 3), ("Q", 1, 3, 3)).reshape(-1, 3, 3)

@@ -1,11 +1,11 @@
 """HOT3D as it is distributed: {recording}/ with mano_hand_pose_trajectory.jsonl and
 dynamic_objects.csv, the meshes in assets/{object}.glb beside the recordings.
 
-A line of JSON for each moment: timestamp_ns, hand_poses "0" (left) and "1" (right), where there is
+A line of JSON for each moment: timestamp_ns, hand_poses "0" (left) and "1" (right), if there is
 one, with 15 coefficients of MANO's components relative to its mean pose, wrist_xform (quaternion
-wxyz, translation of MANO's origin) and betas, left hand mended. The table has a row for each object
-and moment, quaternion wxyz and place in the world. Metres. Aria's cameras have moments of their
-own, a tenth of a millisecond apart: of these the first is taken.
+wxyz, translation of MANO's origin) and betas, left hand with mirrored shape directions. The table
+has a row per object and moment: quaternion wxyz and position in the world. Metres. Each of Aria's
+cameras has its own timestamps, a tenth of a millisecond apart: the first one is taken.
 """
 
 import re
@@ -24,7 +24,7 @@ from geneoh.readers.records import Array, Record, as_record
 
 KEYS: dict[Side, str] = {"right": "1", "left": "0"}
 SAME_MOMENT = 5e6
-"""Nanoseconds within which two cameras saw the same."""
+"""Nanoseconds within which timestamps belong to the same moment."""
 TABLE = re.compile(r"object_uid|timestamp\[ns\]|t_wo_[xyz]\[m\]|q_wo_[wxyz]")
 """Columns of the objects that are read."""
 COEFFICIENTS = 15
@@ -39,7 +39,7 @@ COEFFICIENTS = 15
     takes=("objects",),
 )
 def hot3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """Both hands with each object that moves; what only lies there is left out."""
+    """Both hands with each object that moves; objects at rest are left out."""
     lines = _moments(clip.path / "mano_hand_pose_trajectory.jsonl")
     times = np.array([time for time, _ in lines])
     hands = [_read_hand([line for _, line in lines], side, options) for side in KEYS]
@@ -53,7 +53,7 @@ def hot3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def _moments(path: Path) -> list[tuple[float, Record]]:
-    """Time in nanoseconds and hands of each moment, of those at the same moment the first."""
+    """Time in nanoseconds and hands of each moment; of lines of the same moment, the first."""
     lines = enumerate(foreign_files.read_json(path), 1)
     records = [as_record(value, f"{path} line {number}") for number, value in lines]
     found: list[tuple[float, Record]] = []
@@ -81,7 +81,7 @@ def _read_hand(lines: list[Record], side: Side, options: base.ReaderOptions) -> 
 
 
 def read_objects(path: Path, times: Array) -> dict[str, Array]:
-    """(T, 4, 4) of each object to the world by its name; NaN in moments without it."""
+    """(T, 4, 4) object to world of each object by its name; NaN in moments without it."""
     table = foreign_files.read_table(path, TABLE)
     columns = [f"q_wo_{axis}" for axis in "xyzw"] + [f"t_wo_{axis}[m]" for axis in "xyz"]
     poses = np.stack([table.array(name, ("N",)) for name in columns], axis=1)

@@ -1,8 +1,8 @@
 """Hand landmarks of MediaPipe, WebXR or OpenXR.
 
-MediaPipe's results as JSON are read as `geneoh.readers.keypoints.mediapipe` says, other JSON with
-the points of hands as `geneoh.readers.keypoints.json_hands` says, tables of points as CSV as
-`geneoh.readers.keypoints.tables` says. JSON may also be in a small schema of our own:
+MediaPipe's results as JSON are read by `geneoh.readers.keypoints.mediapipe`, other JSON with points
+of hands by `geneoh.readers.keypoints.json_hands`, and tables of points as CSV by
+`geneoh.readers.keypoints.tables`. JSON may also be in a small schema of our own:
 
     {"format": "geneoh-landmarks", "version": 1, "order": "openpose" | "webxr" | "openxr",
      "fps": 30, "camera": [0, 0, 0], "hands": {"right": [frame, ...], "left": [frame, ...]}}
@@ -46,7 +46,7 @@ AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
 
 
 def _clips(found: Iterable[Path], path: Path) -> Iterable[Path]:
-    """The files that are a clip each, and the folders of OpenPose, which writes a file a frame."""
+    """The clips: single files, and folders of OpenPose, which writes one file per frame."""
     files = [file for file in found if file == path or file.name not in JOURNALS]
     inside = {f: f.parent for f in files if f != path and OF_OPENPOSE.fullmatch(f.name)}
     return dict.fromkeys(inside.get(file, file) for file in files)
@@ -80,9 +80,9 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmarks:
-    """The hands of a file in any of the forms, each with its side.
+    """The hands of a file in any supported format, each with its side.
 
-    `side` is the caller's, and `order` that of points with numbers in a table.
+    `side` is the caller's, and `order` is the keypoint order of points without names.
     """
     if path.suffix.lower() == ".csv":
         return with_sides(read_points(path, side, order), str(path), side)
@@ -101,7 +101,7 @@ def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmark
 
 
 def read_value(path: Path) -> Any:
-    """The value of a JSON file; of a folder of OpenPose's its frames by their numbers."""
+    """The value of a JSON file, or the frames in a folder of OpenPose by frame number."""
     if path.is_file():
         return foreign_files.read_json(path)
     named = ((OF_OPENPOSE.fullmatch(file.name), file) for file in sorted(path.iterdir()))
@@ -109,7 +109,7 @@ def read_value(path: Path) -> Any:
 
 
 def is_own(value: Any) -> bool:
-    """Whether a JSON says that it is of our own schema, or holds the frames of a stream."""
+    """Whether JSON states that it has our own schema, or holds the frames of a stream."""
     first = value[0] if isinstance(value, list) and value else value
     stream = {f"{side}_{name}" for side in SIDES for name in ("joints", "pose")}
     return isinstance(first, dict) and bool({"format", *stream} & first.keys())
@@ -152,7 +152,7 @@ def own_record(value: Any, where: str) -> Record:
 
 
 def frames_of_hands(record: Record, hands: Record) -> dict[Side, list[object]]:
-    """What the field `hands` holds in each frame, as many frames for each hand."""
+    """The frames in the field `hands` for each side; both sides must have the same number."""
     sides: list[Side] = [side for side in ("right", "left") if side in hands]
     if not sides:
         raise record.refuse("hands", "a dict with 'right', 'left' or both")
@@ -168,9 +168,9 @@ def frames_of_hands(record: Record, hands: Record) -> dict[Side, list[object]]:
 
 
 def with_sides(found: Landmarks, where: str, given: Side | None) -> Landmarks:
-    """The landmarks of a file that need not say a side, with that of each hand."""
+    """The landmarks with a side for each hand, from the file or from the caller."""
     tracks = found.tracks
-    if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
+    if len(tracks) == 1:  # a detector guesses the side: the caller's has priority
         ((label, track),) = tracks.items()
         return replace(found, tracks={given or label or side_of(Record(where, {}), None): track})
     if None in tracks:
@@ -182,7 +182,7 @@ def with_sides(found: Landmarks, where: str, given: Side | None) -> Landmarks:
 
 
 def _read_frames(frames: list[object], order: JointOrder, where: str) -> LandmarkTrack:
-    """The keypoints of one hand in OpenPose's order, with a trust in each of them."""
+    """The keypoints of one hand in OpenPose's order, with the confidence of each."""
     count = joint_orders.ORDERS[order].count
     points, trust = np.full((len(frames), count, 3), np.nan), np.zeros(len(frames))
     for index, frame in enumerate(frames):

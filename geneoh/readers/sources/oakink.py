@@ -1,7 +1,7 @@
 """OakInk's image set and OakInk2 as they are distributed.
 
-Both: (16, 4) quaternions with the real part first, absolute pose, translation of the wrist in the
-world, metres; object poses are object to world.
+Both: (16, 4) quaternions wxyz, absolute pose, translation of the wrist in the world, metres; object
+poses are object to world.
 
 OakInk: image/anno/general_info/{seq}__{ts}__{sbj}__{frame}__{cam}. hand_anno holds hand_pose,
 hand_shape and hand_tsl; obj_anno is for the mesh with its bounding box centred; cam_extr is world
@@ -9,7 +9,7 @@ to camera, which is the frame of hand_j. Right hands only, 30 frames a second.
 
 OakInk2: anno_preview/{seq}.pkl, one pickle for each sequence. raw_mano[frame] holds rh__ and lh__
 pose_coeffs, tsl and betas as torch tensors, left hand as shipped; obj_transf[object][frame]. Frames
-are numbered by the motion capture, 120 a second; where numbers are left out, time went on.
+are numbered by the motion capture, 120 a second; missing numbers are gaps in time.
 """
 
 from collections.abc import Iterable
@@ -28,11 +28,11 @@ from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
 
 CAPTURE_FPS = 120.0
-"""Of OakInk2's motion capture; frames that were left out make it less."""
+"""Frame rate of OakInk2's motion capture; annotations with a stride have a lower one."""
 
 
 def _sequences(found: Iterable[Path], path: Path) -> Iterable[Path]:
-    """The sequence and person that each annotation of a frame belongs to."""
+    """For the annotation file of each frame, the path of its sequence and person."""
     for file in found:
         words = _words_of(file)
         if file.parent.name == "general_info" and len(words) == 5:
@@ -113,7 +113,7 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def _nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int, int]:
-    """The frame nearest to each number, `stride` apart; numbers left out stay empty frames."""
+    """The frame index of each number, one per `stride` numbers; missing numbers leave gaps."""
     frames = {number: round((number - numbers[0]) / stride) for number in numbers}
     if len(set(frames.values())) < len(frames):
         raise record.refuse("mocap_frame_id_list", f"frame numbers about {stride} apart")
@@ -132,7 +132,7 @@ def _read_hand(
 
 
 def _mesh_files(item: str, path: Path, options: base.ReaderOptions) -> list[Path]:
-    """Where an object's mesh may be, which is used as it is."""
+    """Candidate files of an object's mesh, which is used without scaling or centring."""
     root = path.parents[1]
     name = item.replace("..", "_").replace("/", "_")
     folders = [root / kind / "align_ds" / name for kind in ("object_raw", "object_repair")]

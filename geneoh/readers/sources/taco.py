@@ -38,7 +38,7 @@ HOLDS: dict[str, Side] = {"tool": "right", "target": "left"}
     takes=("objects",),
 )
 def taco(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
-    """Each hand with what it holds, in the world."""
+    """Each hand with the object that it holds, in the world."""
     root = base.ancestor(clip.path, 3)
     triplet, sequence = clip.path.parts[-2:]
     folder = options.objects or root / "Object_Models"
@@ -83,7 +83,7 @@ def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
 
 
 def _read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
-    """One hand in the object's frames, NaN in those left out, with betas if there is their file."""
+    """One hand at the object's frames, NaN in missing ones, with betas if their file exists."""
     record = foreign_files.read_record(folder / f"{side}_hand.pkl")
     keys = {foreign_files.frame_number(Path(str(key))): key for key in record.values}
     first, last = min(keys, default=0), max(keys, default=-1)
@@ -100,7 +100,7 @@ def _read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
 
 
 def _read_object(record: Record, path: Path, motion: Array, stored: Array | None) -> Mesh:
-    """The mesh in its own frame, from the OBJ beside the pickle, else from the moved vertices."""
+    """The mesh in its own frame, from the OBJ beside the pickle, else from the world's vertices."""
     if path.with_suffix(".obj").is_file() or stored is None:
         return read_mesh(path.with_suffix(".obj"))
     verts = (stored[0] - motion[0, :3, 3]) @ motion[0, :3, :3]
