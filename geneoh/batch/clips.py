@@ -226,7 +226,9 @@ def clips_of_row(
     """The clip, or the clips of a source, that one row of a manifest names."""
     path, name = base / cells["input"].strip(), cells["name"]
     if name and (name.endswith("/") or not Path(name).name or "\0" in name):
-        raise InputError(f"{where}: 'name' must be one for a file, got {name!r}; choose another")
+        raise InputError(
+            f"{where}: 'name' must be the name of a file, got {name!r}; choose another"
+        )
     source = cells.get("source", "").strip() or None
     meshes = tuple(base / each for each in listed(cells.get("meshes", "")))
     settings, reading = options_of(cells.get("options", ""), where, base)
@@ -234,8 +236,8 @@ def clips_of_row(
         source_named(source)
     elif unused := [option for option in reading if option not in FOR_NPZ]:
         raise ConfigError(
-            f"{where}: '{unused[0]}' is an option of sources, got none; name one in the column "
-            "'source', or drop it"
+            f"{where}: the option '{unused[0]}' needs a source, got none; name one in the column "
+            "'source', or drop the option"
         )
     try:
         clips = _clips_of(path, source, folder)

@@ -142,5 +142,5 @@ def refuse_other_settings(held: journal.Record, settings: dict[str, Any], path: 
     if differ := setting_differences(held, settings):
         raise ConfigError(
             f"{path.parent}: holds results of other settings ({differ}); "
-            "ask for the same, or name another folder"
+            "use the same settings, or name another folder"
         )

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.evaluation import distributions
 from geneoh.evaluation.distributions import joint_angles
 from geneoh.evaluation.realism_clips import FPS, TIPS, HandClips, recorded_clip, synthetic_clips
@@ -79,9 +79,10 @@ def compare_clips(real: HandClips, synthetic: HandClips) -> RealismReport:
     others = one_snippet_each(synthetic)
     if len(blocks) < 2 or len(others) < 2 * len(blocks):
         raise InputError(
-            f"expected {SNIPPET} frames on end of a hand at its object in two or more of the "
-            f"recording's blocks of {BLOCK}, and in twice as many synthetic clips, got "
-            f"{len(blocks)} blocks and {len(others)} clips; take a longer recording or more data"
+            f"expected a hand at its object for {SNIPPET} frames without a gap in two or more "
+            f"blocks of {BLOCK} frames of the recording, and in twice as many synthetic clips, got "
+            f"{numbered(len(blocks), 'block')} and {numbered(len(others), 'clip')}; take a longer "
+            "recording or more data"
         )
     return RealismReport(
         measures=tuple(comparisons(real, synthetic)),

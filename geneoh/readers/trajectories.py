@@ -197,8 +197,8 @@ def poses_in(table: Table) -> Array:
     if width in (12, 16):
         return with_bottom_row(rows.reshape(len(rows), -1, 4))
     raise table.refuse(
-        "columns with names, or rows of 16 or 12 numbers of a matrix, or those of TUM, which "
-        "spaces part",
+        "columns with names, rows of 16 or 12 numbers of a matrix, or rows of TUM with spaces "
+        "between the numbers",
         f"rows of {width} numbers without names",
     )
 

@@ -84,7 +84,7 @@ def write_shards(
     for path in sorted(folder.glob("*_*.safetensors")):
         if differs := record_differences(shard_record(path, config), record):
             raise InputError(
-                f"{path}: was made with {differs}; ask for the same or name another folder"
+                f"{path}: was made with {differs}; use the same settings, or name another folder"
             )
     named = {i: folder / f"{config.split_of(i)}_{i:05d}.safetensors" for i in range(config.shards)}
     missing = [(index, path) for index, path in named.items() if not path.exists()]
@@ -216,7 +216,7 @@ def find_shards(folder: Path, split: str, defaults: ShardConfig = DEFAULTS) -> l
     for path in paths[1:]:
         if differs := record_differences(shard_record(path, defaults), first):
             raise InputError(
-                f"{path}: was made with {differs} as in {paths[0].name}; "
+                f"{path}: was made with other settings than {paths[0].name} ({differs}); "
                 "keep the shards of one run in a folder"
             )
     return paths

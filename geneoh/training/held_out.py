@@ -33,7 +33,7 @@ def held_clips(records: Sequence[ClipRecord], objects: set[str]) -> tuple[Bool[T
             of = f"one {kind}" if count == 1 else f"{count} {several}"
             return held, f"{int(held.sum())} of {of} held out for validation"
     none = torch.zeros(len(records), dtype=torch.bool)
-    return none, "validated on what is learned: there is no other object"
+    return none, "validated on the training data: there is no other object"
 
 
 def held_names(sources: Sequence[Sequence[str]]) -> set[str]:

@@ -83,6 +83,6 @@ def refuse_replaced(config: RunConfig, path: Path | None, settings: Iterable[str
         for name in flat(parse_setting(setting)):
             if used[name] != asked[name]:
                 raise ConfigError(
-                    f"--set {setting}: expected {used[name]}, which the weights, the texts or the "
-                    f"networks have that the run goes on from, got {asked[name]}; leave it out"
+                    f"--set {setting}: expected {used[name]}, as in the weights, the texts or the "
+                    f"networks that the run starts from, got {asked[name]}; leave it out"
                 )

@@ -229,4 +229,4 @@ def answer_behind(ray: Any, head: tuple[str, int], reference: Any) -> bytes | st
     except ray.exceptions.RayError as error:
         ask(head).close()  # raises if the head is lost, so that the item is not blamed
         why = " ".join(str(error).split())[:200]
-        return f"the workers that began it were lost, {TRIES} times ({why})"
+        return f"the workers that worked on this clip were lost, {TRIES} times ({why})"

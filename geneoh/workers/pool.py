@@ -152,8 +152,8 @@ def cause_of_death(process: BaseProcess) -> str:
         )
     name = "no signal" if code is None else signal.Signals(-code).name
     return (
-        f"{TRIES} worker processes that began it were ended by {name}, as happens where memory "
-        "runs out; cut it into shorter ones, or run it with --jobs 1"
+        f"{TRIES} worker processes that worked on this clip were ended by {name}, as happens where "
+        "memory runs out; cut the clip into shorter ones, or run it with --jobs 1"
     )
 
 

@@ -154,7 +154,7 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
             "line 2: 'presett' is no option.*'preset'",
         ),
         (("input,options", "in/clip0.npz,seed"), "line 2: expected NAME=VALUE.* got 'seed'"),
-        (("input,name", "in/clip0.npz,x/"), "line 2: 'name' must be one for a file, got 'x/'"),
+        (("input,name", "in/clip0.npz,x/"), "line 2: 'name' must be the name of a file, got 'x/'"),
         (("input,input", "in/clip0.npz,in/clip1.npz"), "each column once"),
         (("input,name",), "lists no clip"),
         (("input,name", "in/clip0.npz"), r"line 2: expected 2 values .* got 1"),
@@ -163,7 +163,7 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
         (("input,name", "in,one"), "'name' is for one clip, got 3"),
         (("input,options", "in/clip0.npz,seed=1", "in/clip0.npz,seed=2"), "both called clip0;"),
         (("input,options", "in/clip0.npz,camera=here"), "line 2: camera: expected three numbers"),
-        (("input,options", "in/clip0.npz,focal=1200"), "line 2: 'focal' is an option of sources"),
+        (("input,options", "in/clip0.npz,focal=1200"), "line 2: the option 'focal' needs a source"),
         (
             ("input,name", "in/clip0.npz,one", "in/clip1.npz,one"),
             "line 3: 'name' must be another one in each line, got 'one' in line 2 too",

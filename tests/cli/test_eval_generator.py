@@ -80,7 +80,7 @@ def test_actions_of_a_data_set_are_scored(geneoh, tmp_path):
     source = ("--dataset", "h2o", "--root", "h2o", "--mano", write_mano(tmp_path / "mano"))
     few = ("--set", "recorded.points=64", "--set", "repetitions=1")
     done = geneoh("eval", *SMALL[:2], *source, *SMALL[6:], *few, "-o", "out")
-    assert "note: h2o: 2 actions of 1 objects, validated on what is learned" in done.stdout
+    assert "note: h2o: 2 actions of 1 objects, validated on the training data" in done.stdout
     table = json.loads((tmp_path / "out" / "generation.json").read_text())["table"]
     # both splits are the same clips, so that the nearest training clips are the real ones
     assert table["nearest training clip"]["depth_mm"] == table["real"]["depth_mm"]

@@ -79,7 +79,7 @@ def test_a_recording_goes_on_from_the_shipped_weights(geneoh, tmp_path):
     recording = Path(__file__).parents[2] / "examples" / "taco_clean.npz"
     run = ("train", "--stage", "motion", "--data", f"sequences={recording}", "--start", "shipped")
     trained = geneoh(*run, settings=SMALL)
-    assert trained.stdout.startswith("sequences: 2 clips of one object, validated on what is")
+    assert trained.stdout.startswith("sequences: 2 clips of one object, validated on the training")
     assert not (tmp_path / "runs" / "data").exists()
     assert len(list((tmp_path / "runs" / "recordings").rglob("*.safetensors"))) == 1
 
@@ -224,13 +224,13 @@ def test_settings_that_others_take_the_place_of_are_refused(geneoh, tmp_path):
     text = geneoh(
         "train", "--stage", "contact", "--data", "actions", "--set", "contact.text=7", code=2
     )
-    assert "--set contact.text=7: expected 128, which" in text.stderr
+    assert "--set contact.text=7: expected 128, as in the weights" in text.stderr
     made = ("count=2", "shard=1", "points=64", *ANYTHING)
     geneoh("synthesize", settings=made)
     few = ("--set", "steps=1", "--set", "batch=2")
     start = ("--start", "shipped", "--set", "autoencoder_steps=5")
     started = geneoh("train", "--stage", "latent", *few, *start, code=2)
-    assert "--set autoencoder_steps=5: expected 0, which the weights" in started.stderr
+    assert "--set autoencoder_steps=5: expected 0, as in the weights" in started.stderr
     data = geneoh("train", "--stage", "motion", *few, "--set", "synthesis.count=4", code=2)
     assert "were made with count 2 where 4 is asked for" in data.stderr
     assert not (tmp_path / "runs" / "motion.safetensors").exists()
@@ -244,7 +244,7 @@ def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(
     for stage in ("length", "contact"):
         trained = geneoh(*run, "--stage", stage, settings=few)
         assert trained.stdout.startswith(
-            "h2o: 1 actions of 1 objects, validated on what is learned"
+            "h2o: 1 actions of 1 objects, validated on the training data"
         )
         record = load_checkpoint(tmp_path / "runs" / f"{stage}.safetensors").record
         assert record["made"]["source"] == "h2o"

@@ -87,7 +87,7 @@ def test_what_the_demos_change_in_place_is_found(tmp_path, change: Callable[[Ima
         change(image)
     numbered(tmp_path, made)
     sequence = assert_right(tmp_path)
-    told = "of left hands some fields were mirrored back already" in sequence.source
+    told = "some fields of left hands were mirrored back already" in sequence.source
     assert told == (change is not with_whole_place)
 
 

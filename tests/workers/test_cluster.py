@@ -133,7 +133,7 @@ class TestCluster:
         made = list(on_cluster(work, chores.doubled_or_killed, address=cluster.address, lost=lost))
         assert sorted(each for each in made if isinstance(each, int)) == [2, 4]
         (words,) = (each for each in made if isinstance(each, str))
-        assert words.startswith("3: the workers that began it were lost")
+        assert words.startswith("3: the workers that worked on this clip were lost")
         doing = on_cluster(range(12), chores.slowly_doubled, address=cluster.address, lost=lost)
         made = [next(doing), next(doing)]
         cluster.remove_node(cluster.other)

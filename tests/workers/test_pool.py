@@ -51,7 +51,7 @@ def test_an_item_whose_worker_is_killed_is_tried_once_more(tmp_path):
     numbers = sorted(each for each in made if isinstance(each, int))
     (words,) = (each for each in made if isinstance(each, str))
     assert numbers == [2, 4, 8]
-    assert words.startswith("3: 2 worker processes that began it were ended by SIGKILL")
+    assert words.startswith("3: 2 worker processes that worked on this clip were ended by SIGKILL")
     assert ever.read_text() == "3456"  # begun twice, no more
     assert active_children() == []
 

@@ -89,7 +89,7 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
     if text.config.text != (encoder.width if encoder else 0):
         wanted = f"a text encoder of {text.config.text} features" if text.config.text else "none"
         raise ConfigError(
-            f"{path}: expected {wanted}, with which the network was trained, got "
+            f"{path}: expected {wanted}, as the network was trained with, got "
             f"{f'one of {encoder.width}' if encoder else 'none'}; change --text-encoder"
         )
     speech = (
@@ -106,8 +106,8 @@ def refuse_other_scales(branches: Branches, folder: Path | None) -> None:
     if body.config.frame != "wrist" or not alike:
         raise ConfigError(
             f"{folder or SHIPPED}: expected body_hands and text_hands that were trained on the "
-            "same data and noise in the frame 'wrist', which one process needs, got others; train "
-            "both again, or the blend with blend.form=paper"
+            "same data and noise in the frame 'wrist', as both denoise the same hands, got others; "
+            "train both again, or the blend with blend.form=paper"
         )
 
 

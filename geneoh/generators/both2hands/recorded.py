@@ -85,7 +85,7 @@ def recorded_gestures(
     windows, held = [windows[n] for n in kept], held[kept]
     clips, divided = _joined(windows), bool(held.any() and not held.all())
     parts = [clips.take(some, "B") for some in ((~held, held) if divided else (slice(None),) * 2)]
-    split = "validated on what is learned: there is no other recording"
+    split = "validated on the training data: there is no other recording"
     if divided:
         groups = len({window.group for window, out in zip(windows, held, strict=True) if out})
         of = "1 recording or person" if groups == 1 else f"{groups} recordings or people"

@@ -156,7 +156,7 @@ def generate(
     if jointed is not None:
         actions = jointed.guided(actions)
     elif missed_motion(actions) > 0:
-        fault = "hands are not at the object all the while it is to move, and it rests without them"
+        fault = "hands are not always at the object while it should move, and it then rests"
         notes = (_fault_note(options.draws, fault),)
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)

@@ -52,7 +52,7 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
         except InputError as error:
             return (), f"the object's mesh cannot be used: {error}"
         if same is None:
-            return (), f"the object's mesh {name} is another one than it was"
+            return (), f"the object's mesh {name} was changed since then"
         meshes.append(same)
     return tuple(meshes), ""
 

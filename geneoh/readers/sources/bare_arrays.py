@@ -76,8 +76,8 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     side = side_of(record, options.side)
     if options.translation is None:
         raise InputError(
-            f"{clip.path}: what the translation moves is not said; pass --translation wrist, "
-            "or --translation origin for that of smplx and manopth"
+            f"{clip.path}: the file does not say what its translation moves; pass --translation "
+            "wrist, or --translation origin for that of smplx and manopth"
         )
     betas = record.optional_array("betas", (10,), ("T", 10))
     if betas is not None and betas.ndim == 2:

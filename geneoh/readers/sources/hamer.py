@@ -29,7 +29,7 @@ from geneoh.readers.hamer_dumps import ENDINGS, Detections, dumps, read_detectio
 from geneoh.readers.records import Array, Notes
 
 FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
-MIRRORED_NOTE = "of left hands some fields were mirrored back already"
+MIRRORED_NOTE = "some fields of left hands were mirrored back already"
 
 
 @reads(

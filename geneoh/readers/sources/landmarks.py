@@ -41,7 +41,9 @@ from geneoh.readers.records import Record, as_record, described, float32
 FORMAT, VERSION = "geneoh-landmarks", 1
 OF_OPENPOSE = re.compile(r".*?(\d+)_keypoints\.json")
 """Name of a file of OpenPose, with the number of its frame."""
-SWAPPED_NOTE = "both hands are bent backward as of the sides that are named: sides are exchanged"
+SWAPPED_NOTE = (
+    "both hands bend backward for the sides that the file names: the sides were exchanged"
+)
 AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
 
 

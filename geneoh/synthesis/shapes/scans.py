@@ -230,7 +230,7 @@ def find_scans(
         if scans.fingerprint != found.fingerprint:
             raise InputError(
                 f"{kept}: was made of other objects than {objects} holds; "
-                "ask for the same or name another folder"
+                "pass the same objects, or name another folder"
             )
         return scans
     scans = build_scans(found, on_mesh=on_mesh)

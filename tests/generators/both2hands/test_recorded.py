@@ -68,7 +68,7 @@ def test_other_frame_rates_are_learned_at_thirty(tmp_path):
     bodies.amass(tmp_path / "s1" / "walk_poses.npz", LONG, 60.0)
     training, validation, (note,) = clips("amass", tmp_path, told=False)
     assert training.length.tolist() == validation.length.tolist() == [90 + 1]
-    assert "validated on what is learned: there is no other recording" in note
+    assert "validated on the training data: there is no other recording" in note
     assert training.joined.tolist() == [[""]]
 
 

@@ -204,7 +204,7 @@ def test_exchanged_sides_of_two_hands_are_found_by_their_fingers(read):
     for labels in (("Right", "Left"), ("Left", "Right")):
         sequence = read([two_hands(points, labels) for points in bent])
         np.testing.assert_allclose(sequence.hand("right").joints, bent, atol=1e-6)
-        assert ("sides are exchanged" in sequence.source) == (labels[0] == "Left")
+        assert ("sides were exchanged" in sequence.source) == (labels[0] == "Left")
 
 
 @pytest.mark.parametrize("nested", [True, False])

@@ -141,7 +141,7 @@ def _held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
         )
     if len(known) < 2:
         none = torch.zeros(len(subjects), dtype=torch.bool)
-        return none, "validated on what is learned: there is no other subject"
+        return none, "validated on the training data: there is no other subject"
     subject = chosen or known[-1]
     held = torch.tensor([name == subject for name in subjects])
     return held, f"{int(held.sum())} of {subject} held out for validation"

@@ -104,7 +104,7 @@ class JointedObject:
         actions = move(eased(move(actions)))
         if left_out(asked, actions) < LOST:
             return actions, ()
-        fault = "the hand is not at the part all the while it is to move, and it rests without it"
+        fault = "the hand is not always at the part while that should move, and it then rests"
         return actions, (f"{fault}; another seed may make a better one",)
 
 
