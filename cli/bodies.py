@@ -56,7 +56,7 @@ def make_hands(
     object_pose: Path | None,
     **chosen: Any,
 ) -> None:
-    """Give the body of a file hands, write it in each of the formats, and tell what was done."""
+    """Generate hands for the body in a file, write them to every output, and print a report."""
     from geneoh.files.outputs import check_outputs
 
     options.refuse_unit_without(obj)

@@ -9,7 +9,7 @@ from typing import Any
 
 
 def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
-    """All that is known of this installation, as JSON can hold it."""
+    """All facts about this installation, in a form that JSON can hold."""
     from geneoh.denoisers import library as denoisers
     from geneoh.generators.both2hands import library as both2hands
     from geneoh.generators.text2hoi.networks import library as text2hoi

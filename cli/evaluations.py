@@ -1,4 +1,4 @@
-"""`geneoh eval`: its options, as the library takes them, and the scoring of generators."""
+"""`geneoh eval`: its options, their conversion for the library, and the scoring of generators."""
 
 import shlex
 from pathlib import Path
@@ -113,11 +113,11 @@ OF_SCORES = (
     *OF_GENEOH,
     *("methods", "predictions", "close_frames", "hand", "weights", "folder", "jobs", "fresh"),
 )
-"""Parameters that mean something only where geneoh is scored, and only where anything is."""
+"""Parameters that apply only where geneoh is scored, and those only where anything is scored."""
 
 
 def refuse_ignored(asked: dict[str, Any], inputs: Path | None) -> None:
-    """Refuse a data set of generators alone and, by name, options that would be ignored."""
+    """Refuse options that would be ignored, and a data set that only generators are scored on."""
     if (dataset := asked["dataset"]) not in DATASETS:
         raise ConfigError(
             f"--dataset {dataset}: expected one of {', '.join(DATASETS)} without --generator, got "
@@ -138,7 +138,7 @@ def refuse_ignored(asked: dict[str, Any], inputs: Path | None) -> None:
 def evaluation_options(
     *, mano: Path | None, settings: tuple[str, ...], **asked: Any
 ) -> "EvaluationOptions":
-    """What was asked for, as the library takes it."""
+    """The options of the command line as `EvaluationOptions`."""
     from geneoh.config import configured
     from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
     from geneoh.nn.devices import named_device
@@ -151,7 +151,7 @@ def evaluation_options(
 
 
 def refuse_without_scores(made: "Evaluation", folder: Path) -> None:
-    """End a run in which every clip of some method failed with an error, its report written."""
+    """`InputError` where every clip of some method failed; the report is already written."""
     scored = {score.method for score in made.scores if not score.failed}
     for method in made.methods:
         failed = [score.failed for score in made.scores if score.method == method]
@@ -179,7 +179,7 @@ GO_WITH_IT = {
 }
 """Parameters of `geneoh eval` that mean something for a generator."""
 NOT_FOR_BODIES = {"refine": "whose hands hold nothing", "jobs": "which works in one process"}
-"""Those of them that mean nothing for hands of a body, and why."""
+"""Those of `GO_WITH_IT` that have no meaning for hands of a body, and why."""
 
 
 def score_generator(ctx: click.Context) -> None:
@@ -221,7 +221,7 @@ def score_generator(ctx: click.Context) -> None:
 
 
 def check_parameters(ctx: click.Context) -> None:
-    """`ConfigError` for a data set of another kind, for none at all, and for other options."""
+    """`ConfigError` for options without meaning for a generator, a wrong data set, or no data."""
     kind = {"text2hoi": "actions", "both2hands": "bodies"}[ctx.params["generator"]]
     known = ACTION_DATASETS if kind == "actions" else ("synthetic",)
     for name, given in options.on_command_line().items():

@@ -1,4 +1,4 @@
-"""Frames of standard input as they come: JSON lines, or msgpack maps one after the other."""
+"""Read frames from standard input as they arrive: JSON lines, or consecutive msgpack maps."""
 
 import json
 from collections.abc import Iterator
@@ -9,24 +9,24 @@ import msgpack
 from geneoh.errors import InputError
 
 LONGEST = 2**20
-"""Bytes of a frame, so that input without an end of line fills no memory."""
+"""Most bytes of a frame, so that input without an end of line cannot fill the memory."""
 MSGPACK_MAPS = (*range(0x80, 0x90), 0xDE, 0xDF)
-"""First bytes of a msgpack map, with none of which JSON begins."""
+"""Possible first bytes of a msgpack map; JSON text begins with none of them."""
 
 Fields = dict[str, Any]
 
 
 def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
-    """Whether frames come as msgpack, and their fields with what messages call each of them."""
+    """Whether frames are in msgpack, and for each frame its name in messages and its fields."""
     first = source.read(1)
     packed = bool(first) and first[0] in MSGPACK_MAPS
     return packed, (packed_frames if packed else line_frames)(first, source)
 
 
 def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
-    """Frames as msgpack maps, of which the first byte is read."""
+    """Frames as msgpack maps; `first` is the byte of the input that was already read."""
     unpacker = msgpack.Unpacker(max_buffer_size=LONGEST)
-    number, given, taken = 1, 0, 0  # the next frame; bytes
+    number, given, taken = 1, 0, 0  # number of the next frame; bytes fed and unpacked
     while first or (first := source.read1(LONGEST // 2)):  # pyright: ignore[reportAttributeAccessIssue]
         given += len(first)
         while True:
@@ -55,7 +55,7 @@ def _no_map(where: str, found: str) -> InputError:
 
 
 def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
-    """Frames as lines of JSON, of which the first byte is read; blank lines are passed over."""
+    """Frames as lines of JSON after the byte `first`, already read; blank lines are skipped."""
     number = 0
     while line := first + (b"" if first == b"\n" else source.readline(LONGEST + 1)):
         first = b""

@@ -31,7 +31,7 @@ COMMANDS = (
 imports torch and geneoh inside the function only, so that help is shown at once."""
 
 LONGEST = 2000
-"""Characters of a message, of which a longer one keeps both ends: it may quote what was typed."""
+"""Most characters of a message; a longer one, which may quote user input, loses its middle."""
 
 INTERRUPTED = 130
 """Exit code that shells report for a program ended by SIGINT: 128 + 2."""
@@ -59,14 +59,14 @@ def refuse_repeated(ctx: click.Context, args: list[str]) -> None:
 
 
 def about_extra(message: str) -> str:
-    """What to do about arguments that a command does not take, which click lists in brackets."""
+    """Advice about extra arguments, which click lists in brackets at the end of its message."""
     if any(map(os.path.exists, message.partition("(")[2].rstrip(")").split())):
         return "a mesh goes after --obj, and `geneoh batch` cleans many files"
     return "put a text with spaces in quotes"
 
 
 class LazyGroup(click.Group):
-    """A group that imports a subcommand when it is asked for, and lets no traceback through."""
+    """A group that imports a subcommand only to run it, and turns exceptions into one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the subcommands."""
@@ -81,7 +81,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The subcommand and its arguments, of which click would keep the last of several."""
+        """The subcommand and its arguments; refuses repeated options, of which click keeps one."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None and not ctx.resilient_parsing:
             refuse_repeated(click.Context(command, parent=ctx, info_name=name), rest)

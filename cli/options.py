@@ -32,7 +32,7 @@ def together(*decorators: Decorator) -> Decorator:
 def on_command_line() -> dict[str, str]:
     """The options and arguments of the command line, by the names of their parameters.
 
-    The environment counts for nothing: its variables are set for all commands.
+    Environment variables do not count, because they are set for all commands.
     """
     context = click.get_current_context()
     return {
@@ -51,7 +51,7 @@ def _shown(parameter: click.Parameter) -> str:
 
 
 def refuse(names: Collection[str], why: str) -> None:
-    """Refuse options of some parameters, which would be ignored, that the command line has."""
+    """Refuse the options of some parameters on the command line, which would be ignored."""
     for name, given in on_command_line().items():
         if name in names:
             raise click.UsageError(f"{given} {why}; leave it out")
@@ -64,19 +64,19 @@ def refuse_unit_without(meshes: Any, option: str = "--obj") -> None:
 
 
 FILE = click.Path(dir_okay=False, path_type=Path)
-"""A file to read or to write. Reading checks that it exists, because its error says more."""
+"""A file to read or to write. Click does not check that it exists: our own message says more."""
 FILE_OR_FOLDER = click.Path(path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 COUNT = click.IntRange(min=1)
 
 
 def option(text: str, kind: Any = None, default: Any = None, **how: Any) -> Decorator:
-    """An option by its names and, after a colon, its help; the type of its value; its default.
+    """An option from a text "NAMES: HELP", with the type of its value and its default.
 
-    Of the names, such as "-o --output folder", the one without dashes is that of the parameter.
+    Of the names, such as "-o --output folder", the one without dashes is the parameter's.
     """
     names, _, said = text.partition(": ")
-    if not how.get("required"):  # click takes a default, even None, for a value that is given
+    if not how.get("required"):  # click takes a default, even None, for a passed value
         how["default"] = default
     return click.option(*names.split(), help=said, type=kind, **how)
 
@@ -162,7 +162,7 @@ mano = option(
     show_envvar=True,
 )
 reading = together(mano, side_and_fps)
-"""What files may leave open, to read them by."""
+"""Options for what a file may leave open: the MANO files, the side and the frame rate."""
 jobs = option("--jobs: Number of processes.  [default: one for each core]", COUNT)
 trust_and_refine = together(
     flag(
@@ -194,7 +194,7 @@ cleaning = together(
     *(preset, samples, selection, steps, hand, mano, trust_and_refine, weights, seed),
     *(hand_delay, side_and_fps, device),
 )
-"""How hands are cleaned: the fields of `geneoh.Options`, and what files may leave open."""
+"""Options of cleaning: the fields of `geneoh.Options`, and the side and the frame rate."""
 folder = option("-o --output folder: Folder to write to.", FOLDER, Path("runs"))
 data = option(
     "--data: Folder of interactions that `geneoh synthesize` made.", FOLDER, Path("runs/data")
@@ -213,7 +213,7 @@ config_and_settings = together(
 
 
 def cleaner(mano: Path | None, chosen: dict[str, Any]) -> "Options":
-    """The settings of `cleaning`, taken out of what was chosen; their device is there."""
+    """The options of `cleaning`, removed from `chosen`, after a check of their device."""
     from geneoh import Options
     from geneoh.nn.devices import named_device  # torch, which takes seconds
 

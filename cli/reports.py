@@ -10,7 +10,7 @@ from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
 NOTED = 5.0
-"""Millimetres between a body and its hands from which on they are told."""
+"""Distance in millimetres of a body's wrists from those of its hands above which it is printed."""
 
 if TYPE_CHECKING:
     from geneoh.generators.both2hands.on_body import BodyWithHands
@@ -42,7 +42,7 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
 
 
 def generated(made: "Generated", output: Path) -> Iterator[str]:
-    """What was understood, what was made, and what the cleaner says of it."""
+    """What was understood and generated, and the measures of the cleaner."""
     sequence, prompt = made.sequence, made.prompt
     for note in prompt.notes:
         yield f"note: {note}"
@@ -54,7 +54,7 @@ def generated(made: "Generated", output: Path) -> Iterator[str]:
 
 
 def mended_hands(result: Denoised | None) -> Iterator[str]:
-    """What the cleaner says of the hands of a generator, where it mended them."""
+    """Measures of generated hands before and after the cleaner; none where it was not used."""
     for side, hand in ({} if result is None else result.hands).items():
         yield f"{side} hand:"
         for line in before_and_after(hand.before, hand.after):
@@ -66,14 +66,14 @@ def mended_hands(result: Denoised | None) -> Iterator[str]:
 
 
 def between_hands(result: Denoised) -> Iterator[str]:
-    """How deep two hands were in each other, and are."""
+    """Penetration depth of two hands in each other, before and after."""
     if result.hands_in_each_other is not None:
         before, after = (format_number(1000 * depth) for depth in result.hands_in_each_other)
         yield f"depth of the hands in each other, deepest: {before} -> {after} mm"
 
 
 def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:
-    """What was read, what was assumed, what the cleaner says, and what was written."""
+    """What was read and assumed, the measures of the cleaner, and what was written."""
     body = made.body
     frames = numbered(body.frames, "frame")
     yield f"read {body.source}: {frames} at {body.fps:g} frames a second"

@@ -63,7 +63,7 @@ def of_source(what: str) -> Decorator:
 
 
 NEEDS_SOURCE = (*OF_SOURCES, "clip")
-"""Of these and --clip, the ones that mean nothing for an npz that is read without --from."""
+"""Parameters that apply only where --from names the source of a file."""
 
 
 def read_sequence(
@@ -81,7 +81,7 @@ def read_sequence(
 
 
 def beside(noisy: Path) -> Path:
-    """Where the clean sequence goes by default: a folder may be given as . or .. too."""
+    """The default path of the clean sequence; a folder passed as . or .. gets its real name."""
     named = noisy if noisy.name.strip(".") else noisy.resolve()
     return named.with_name(f"{named.stem}_clean.npz")
 
@@ -93,7 +93,7 @@ def table_of_sources() -> str:
 
 
 def lines(outcome: "ConversionOutcome") -> Iterator[str]:
-    """What became of one clip; nothing for a clip that was converted before."""
+    """The outcome of one clip in lines of text; none for a clip that was converted before."""
     name = outcome.clip.name
     if outcome.problem is not None:
         yield f"{name}: not read, {outcome.problem}"

@@ -30,7 +30,7 @@ from .frame_input import Fields, frames_in
 LOG = logging.getLogger(__name__)
 
 DECIMALS = 6
-"""Of the numbers that are written: micrometres and microradians."""
+"""Decimals of the numbers that are written: micrometres and microradians."""
 
 
 def clean_stream(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> None:
@@ -49,34 +49,34 @@ def clean_stream(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any
         )
     options.refuse_unit_without(obj)
     meshes = meshes_of(obj, chosen["unit"])
-    kept = {n: chosen[n] for n in given.keys() & settings}  # the rest is as a stream has it
+    kept = {n: chosen[n] for n in given.keys() & settings}  # others have the defaults of `Stream`
 
     def begin(**about: Any) -> Stream:
         return Stream(meshes, mano_dir=mano, **about, **kept)
 
     side = chosen["side"]
-    # before a frame is waited for, all is refused but a hand whose side the first one says
+    # fail before the first frame; a hand model is checked later if that frame decides its side
     known = kept if side else {n: value for n, value in kept.items() if n != "hand"}
     Stream(meshes, mano_dir=mano, side=side or "right", **known)
     clean_frames(*ends(), begin, side, kept.get("fps", ASSUMED_FPS))
 
 
 def ends() -> tuple[BinaryIO, BinaryIO]:
-    """Where frames come from and go to."""
+    """The binary streams that frames are read from and written to."""
     return sys.stdin.buffer, sys.stdout.buffer
 
 
 def clean_frames(
     source: BinaryIO, sink: BinaryIO, begin: Callable[..., Stream], side: Side | None, fps: float
 ) -> None:
-    """Clean the frames of `source` and write each to `sink` when it is known.
+    """Clean the frames of `source` and write each to `sink` as soon as its result is available.
 
-    Frames are one JSON object a line, or one msgpack map after the other, with the fields of the
-    file format of one frame, `fps` a second. `begin` makes the stream of one hand, from `side`,
-    `betas` and `hand_model`; without `side`, those hands are cleaned that the first frame names.
+    Frames are JSON lines or consecutive msgpack maps, with the fields of the file format for one
+    frame, at the frame rate `fps`. `begin` makes the stream of one hand, from `side`, `betas` and
+    `hand_model`. Without `side`, the hands that the first frame names are cleaned.
 
     Raises:
-        InputError: something is no frame, and the message says which one; or there is none.
+        InputError: a frame cannot be read, which the message names; or there is no frame.
     """
     streams: dict[Side, Stream] = {}
     poses: deque[Fields] = deque()
@@ -125,8 +125,8 @@ POSE_FIELDS = ("object_rotation", "object_translation", "obj_pose")
 def watched(
     frames: Iterator[tuple[str, Fields]], side: Side | None, fps: float
 ) -> Iterator[tuple[str, Fields]]:
-    """The same frames; a hand that the first one does not name is logged as a warning, and what
-    times and numbers in those of the first seconds say against even frames, `fps` a second.
+    """Yield the same frames, and log warnings: for a hand that the first frame does not name, and
+    for times or frame numbers of the first seconds that contradict a constant frame rate `fps`.
     """
     expected: set[Side] = set() if side is None else set(SIDES)
     first: list[Fields] = []
@@ -154,7 +154,7 @@ def watched(
 
 
 def tell_of_times(frames: list[Fields], fps: float) -> None:
-    """Log what the times or the numbers of frames say against even ones, `fps` a second."""
+    """Log a warning where times or numbers of frames contradict a constant frame rate `fps`."""
     stamps = {
         name: [each.get(name) for each in frames] for name in CLOCK_NAMES if name in frames[0]
     }
@@ -174,7 +174,7 @@ def tell_of_times(frames: list[Fields], fps: float) -> None:
 
 
 def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
-    """The hands that the first line names, those that are null there included, or the asked one."""
+    """The sides to clean: all that the first frame names, even as null, or only `asked`."""
     sides = SIDES if asked is None else (asked,)
     found: list[Side] = [s for s in sides if any(n in fields for n in own_names(s).values())]
     if not found:
@@ -188,14 +188,14 @@ def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
 
 
 def hand_in(fields: Fields, side: Side) -> Fields | None:
-    """The fields of a hand without its side, none of them empty; None where there are none."""
+    """The fields of a hand that are not null, without the side in their names; None without any."""
     names = {name: fields.get(f"{side}_{name}") for name in HAND_FIELDS if name != "betas"}
     found = {name: value for name, value in names.items() if not is_null(value)}
     return found or None
 
 
 def is_null(value: Any) -> bool:
-    """Whether a value is null, or a list of nothing else."""
+    """Whether a value is null, or a nested list of nulls only."""
     return value is None or (isinstance(value, list) and all(map(is_null, value)))
 
 

@@ -89,8 +89,8 @@ def __dir__() -> list[str]:
 
 
 def _use_one_thread() -> None:
-    """Keep torch in a forked process off the threads of its parent, which a fork does not copy, and
-    for which OpenMP would wait for ever."""
+    """Limit torch in a forked process to one thread: a fork does not copy its parent's threads, and
+    OpenMP would wait for them for ever."""
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)
 

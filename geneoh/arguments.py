@@ -18,10 +18,10 @@ Result = TypeVar("Result")
 
 
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """A public function that refuses arguments of another kind than their annotations.
+    """Decorate a public function to check its arguments against their annotations.
 
-    Paths, numbers, texts, choices and functions to call are checked; `ConfigError` names the
-    argument, and one that the function does not have.
+    Paths, numbers, texts, choices and callables are checked; `ConfigError` names a wrong argument,
+    or one that the function does not have.
     """
     signature = inspect.signature(function)
     plain = {n: p.annotation for n, p in signature.parameters.items() if is_plain(p.annotation)}
@@ -32,7 +32,7 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
             bound = signature.bind(*args, **kwargs)
         except TypeError:
             refuse_unknown(kwargs, signature.parameters, f"geneoh.{function.__name__}")
-            return function(*args, **kwargs)  # Python refuses it as well, and names the function
+            return function(*args, **kwargs)  # raises Python's own TypeError
         for name in bound.arguments.keys() & plain.keys():
             bound.arguments[name] = value = plain_number(bound.arguments[name])
             as_field_type(value, plain[name], f"geneoh.{function.__name__}", name)
@@ -44,7 +44,7 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
 def refuse_unknown(
     names: Iterable[str], known: Mapping[str, inspect.Parameter], caller: str
 ) -> None:
-    """`ConfigError` for a name that is no argument; of a setting it says where settings go."""
+    """`ConfigError` for a name that is no argument; for a setting it points to `options`."""
     kinds = get_args(known["options"].annotation) if "options" in known else ()
     for name in names:
         if name not in known:
@@ -64,7 +64,7 @@ def is_plain(kind: Any) -> bool:
 
 
 def given_options(given: Any, kind: type[Options], caller: str) -> Options:
-    """The options of one kind that a caller gives; `ConfigError` for anything else."""
+    """The passed options, if they are of the expected class; `ConfigError` for anything else."""
     if not isinstance(given, kind):
         raise ConfigError(
             f"{caller}: 'options' must be geneoh.{kind.__name__}, got {given!r:.60}; "

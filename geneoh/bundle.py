@@ -1,7 +1,7 @@
 """Base of the frozen dataclasses whose tensors travel together: hands, objects, sequences, batches.
 
-The annotations say which axis of a field is which, so that a field which is added to a bundle is
-cut and joined with the others by construction: `Float[Tensor, "T 21 3"]` has its frames first,
+The shape annotations name the axes of each field, so that every new field of a bundle is sliced and
+concatenated with the others: `Float[Tensor, "T 21 3"]` has its frames first,
 `Float[Tensor, "*B T 3"]` has them second to last, `Float[Tensor, " 10"]` has none.
 """
 
@@ -63,7 +63,7 @@ class Bundle:
         Raises:
             TypeError: the index is a single number, which would remove the axis, or a tensor's
                 annotation does not name its axes.
-            ValueError: a slice runs backward, which those of tensors cannot.
+            ValueError: a slice runs backward, which tensors do not support.
         """
         if not isinstance(index, Index):
             raise TypeError(
@@ -100,25 +100,25 @@ class Bundle:
 
 
 def equal_values(self: Any, other: Any) -> bool:
-    """Whether all fields that are compared are equal, and all tensors bit by bit; NaN in a tensor
-    equals nothing. It is the `__eq__` of dataclasses that hold tensors, whose own would fail."""
+    """Whether all compared fields are equal, tensors in every number; NaN in a tensor equals
+    nothing. It is the `__eq__` of dataclasses with tensors, where the generated one would fail."""
     return _same(self, other) if type(self) is type(other) else NotImplemented
 
 
 def repr_by_shapes(self: Any) -> str:
-    """The fields, with tensors by their shapes. It is the `__repr__` of dataclasses that hold
-    tensors, whose own would be as long as they are."""
+    """The fields, with the shapes of tensors. It is the `__repr__` of dataclasses with tensors,
+    where the generated one would print all numbers."""
     shown = ", ".join(f"{field.name}={_shown(getattr(self, field.name))}" for field in fields(self))
     return f"{type(self).__name__}({shown})"
 
 
 def conform(bundle: Bundle, name: str) -> None:
-    """Make tensors of the arrays, lists and numbers that a bundle was made with; floats as float32.
+    """Convert arrays, lists and numbers in fields of a new bundle to tensors; floats to float32.
 
-    It is called from `__post_init__`.
+    Call it from `__post_init__`.
 
     Raises:
-        InputError: a field is no array of numbers, or not of the shape that its annotation has.
+        InputError: a field is no array of numbers, or its shape differs from its annotation.
     """
     sizes: dict[str, int] = {}
     for field, kind in _annotations(type(bundle)).items():
@@ -167,8 +167,8 @@ def concatenated(parts: Iterable[AnyBundle], axis: str = FRAMES) -> AnyBundle:
 
 
 def gathered(parts: Sequence[AnyBundle], places: Int[Tensor, "N 2"]) -> AnyBundle:
-    """Copies of entries of bundles of one type, all of whose fields have the same first axis. Of
-    each entry the place is the number of its bundle, and where it is along that axis."""
+    """Copies of N entries along the first axis, which all fields of the bundles share. A row of
+    `places` is the index of a bundle in `parts`, and the index of an entry of it."""
     chosen = places.tolist()
     leaves = {number: _leaves(parts[number]) for number, _ in chosen}
     counted = count()
@@ -182,12 +182,12 @@ def gathered(parts: Sequence[AnyBundle], places: Int[Tensor, "N 2"]) -> AnyBundl
 
 
 def spread(total: int, count: int) -> Int[Tensor, " C"]:
-    """Numbers of `count` of so many entries, evenly from the first to the last."""
+    """Indices of `count` of `total` entries, evenly from the first to the last."""
     return torch.linspace(0, total - 1, count).round().long()
 
 
 def position(axis: str, axes: Axes, ndim: int) -> int | None:
-    """Where an axis stands in a tensor of `ndim` axes; None where its annotation has no such axis.
+    """Index of a named axis in a tensor of `ndim` axes; None where its annotation lacks the axis.
 
     Raises:
         TypeError: the annotation names no axes at all.
@@ -222,7 +222,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _shown(value: Any) -> str:
-    """A value with the tensors in it by their shapes."""
+    """The text of a value, with the shapes of the tensors in it."""
     if isinstance(value, Tensor | np.ndarray):
         return f"{type(value).__name__}{tuple(value.shape)}"
     if isinstance(value, tuple):
@@ -265,14 +265,14 @@ def _change(value: Any, kind: Any, change: Callable[[Leaf, Axes], Leaf]) -> Any:
 
 
 def unmasked(value: Any) -> Any:
-    """A masked array with NaN, or False, where nothing is known; all else as it is."""
+    """A masked array with NaN or False in masked entries; other values as they are."""
     if not np.ma.is_masked(value):
         return value
     return value.filled(False) if value.dtype == bool else value.astype(float).filled(np.nan)
 
 
 def _as_tensor(value: Any, kind: Any) -> Tensor | None:
-    """A value as the tensor that an annotation asks for; None for what is no array of numbers."""
+    """A value as a tensor with the dtype of an annotation; None if it is no array of numbers."""
     try:
         tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.array(unmasked(value)))
     except (TypeError, ValueError):
@@ -284,13 +284,13 @@ def _as_tensor(value: Any, kind: Any) -> Tensor | None:
 
 @cache
 def _axes(kind: Any) -> Axes:
-    """The names of the axes in an annotation; of all arrays in it, those of the first."""
+    """The names of the axes in an annotation; those of the first array in it."""
     array = _array(kind)
     return () if array is None else tuple(array.dim_str.split())
 
 
 def _array(kind: Any) -> Any:
-    """The first annotation of an array in another one; None where there is none."""
+    """The first array annotation within an annotation; None where there is none."""
     if isinstance(kind, type) and issubclass(kind, AbstractArray):
         return kind
     return next((array for part in get_args(kind) if (array := _array(part))), None)

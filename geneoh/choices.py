@@ -51,14 +51,14 @@ Ablation = Literal[
 ]
 """Parts that an ablation leaves out, with the same weights.
 
-"motion", "spatial", "temporal": one stage. "sliding": SpatialDiff does not look at how the hand
-slides over what it holds, neither at errors that last nor at those that drift. "canonical": the
-canonical frame stands still in the world instead of moving with the object. "diffusion": each stage
+"motion", "spatial", "temporal": one stage. "sliding": SpatialDiff does not use sliding of the hand
+over its object as evidence of errors, lasting or drifting. "canonical": the canonical frame stands
+still in the world instead of moving with the object. "diffusion": each stage
 calls its denoiser once instead of running a diffusion chain. "fit": the hand fit sees keypoints
 only, neither the object nor time. "object": the poses of the object are taken as they are, neither
-examined nor cleaned. "mesh": the hand is cleaned by the prior of motion alone, as if it had no
-object. "camera": the direction of the camera is withheld and not looked for. "told-camera": it is
-withheld, but may be found in the noise.
+examined nor cleaned. "mesh": the hand is cleaned by the motion prior alone, as if it had no object.
+"camera": the viewing ray is neither passed nor estimated. "told-camera": it is not passed, but may
+be estimated from the noise.
 """
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 
@@ -79,7 +79,7 @@ AnnotatedSource = Literal["h2o", "grab", "arctic"]
 ANNOTATED: tuple[AnnotatedSource, ...] = get_args(AnnotatedSource)
 
 ActionDataset = Literal["synthetic", AnnotatedSource]
-"""Where the actions come from on which a generator of interactions is scored."""
+"""Sources of the actions on which a generator of interactions is scored."""
 ACTION_DATASETS: tuple[ActionDataset, ...] = get_args(ActionDataset)
 
 GeneratorName = Literal["text2hoi", "both2hands"]  # generators that `geneoh eval` scores
@@ -103,7 +103,7 @@ BodyStage = Literal["body_hands", "text_hands", "blend"]
 """Networks of the generator BOTH2Hands that `geneoh train` trains."""
 BODY_STAGES: tuple[BodyStage, ...] = get_args(BodyStage)
 BodySource = Literal["both57m", "motionx", "amass"]
-"""Data sets of recorded bodies with fingers that these networks learn from."""
+"""Data sets of recorded bodies with fingers that the BOTH2Hands networks learn from."""
 BODY_SOURCES: tuple[BodySource, ...] = get_args(BodySource)
 
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop", "camera"]
@@ -130,7 +130,7 @@ origin of the model (convention O). See the page on conventions."""
 TRANSLATIONS: tuple[Translation, ...] = get_args(Translation)
 
 OF_SOURCES = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal")
-"""Options of reading that mean nothing for a file that is read without the name of its source."""
+"""Reading options that apply only where the source of a file is named."""
 
 Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
@@ -138,8 +138,8 @@ COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 CELL_LIMITS = (64, 2048)  # the least and the largest side of one picture in a filmstrip, pixels
 
 Refiner = Literal["geneoh", "paper", "none"]
-"""What mends the hands of a generated interaction: the cleaner of `geneoh denoise`, the refiner of
-Text2HOI, or nothing."""
+"""Refinement of the hands of a generated interaction: by the cleaner of `geneoh denoise`, by the
+refiner of Text2HOI, or none."""
 REFINERS: tuple[Refiner, ...] = get_args(Refiner)
 
 SEED_LIMITS = (0, 2**63 - 1)  # the least and the largest seed of random draws
@@ -160,7 +160,7 @@ GENERATION: dict[str, tuple[int, int]] = {
 }
 """The least and the largest value of each number that `geneoh generate` takes."""
 STEPS, GUIDANCE, DRAWS = 12, 2.0, 8
-"""Its denoising steps, guidance and number of draws by default; bodies take as many steps."""
+"""Default denoising steps (also for bodies), guidance and number of draws of `geneoh generate`."""
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Axis, ...] = get_args(Axis)  # signed axes of the world, to say which one points up

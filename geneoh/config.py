@@ -1,7 +1,7 @@
-"""TOML files and `a.b=c` settings over frozen dataclasses: they hold differences from defaults.
+"""Configurations: frozen dataclasses, and TOML files and `a.b=c` settings that change their fields.
 
-A configuration is any frozen dataclass; its defaults are where it is defined. A name must be that
-of a field and a value of that field's type, otherwise the message says which one was meant.
+Files and settings hold only the differences from the defaults of the dataclass. A name must be a
+field, and the value of the field's type; otherwise the message suggests the closest name.
 """
 
 import difflib
@@ -97,9 +97,9 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
 
 
 def check_fields(options: Any, limits: Limits) -> None:
-    """Check the fields of a new frozen dataclass that a user fills in.
+    """Check and convert the fields of a new frozen dataclass that a user fills in.
 
-    Numbers of numpy become plain ones, and text becomes a path where one is meant. `limits` are the
+    Numbers of numpy become Python's, and texts become paths in fields of paths. `limits` are the
     least and the largest value of numbers by the names of their fields.
 
     Raises:
@@ -135,8 +135,8 @@ class Limited:
     """Settings whose numbers are checked when they are made."""
 
     LIMITS: ClassVar[Limits] = {}
-    """Those of fields that have their own; other whole numbers are 1 to `LARGEST`, shares (by their
-    names) 0 to 1, and numbers 0 or more."""
+    """Limits of single fields. By default whole numbers are 1 to `LARGEST`, fields with names that
+    end in `share` 0 to 1, and other numbers 0 or more."""
     LARGEST: ClassVar[int] = 10**9
 
     def __post_init__(self) -> None:
@@ -149,7 +149,7 @@ class Limited:
 
 
 def plain_number(value: Any) -> Any:
-    """A real number of numpy, torch or any other kind as Python's own; all else as it is."""
+    """A real number of numpy, torch or another package as a Python number; other values as is."""
     if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):
         return value.item()
     return float(value) if isinstance(value, Real) and not isinstance(value, int | float) else value
@@ -163,7 +163,7 @@ def closest_name(name: str, known: Iterable[str]) -> str:
 
 
 def as_field_type(value: Any, wanted: Any, origin: str, name: str) -> Any:
-    """A value as a field of type `wanted` holds it; whole numbers are floats too, lists tuples."""
+    """A value converted to the type `wanted`, such as a list to a tuple; else `ConfigError`."""
     value = plain_number(value)
     if is_plain_value_of(value, wanted):
         return float(value) if wanted is float else value
@@ -250,7 +250,7 @@ def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def setting_differences(found: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
-    """What differs in what is asked for from nested settings found, in words; empty if nothing."""
+    """For a message: how nested settings `found` differ from the requested ones; else empty."""
     was, wanted = flat(found), flat(asked)
     return ", ".join(
         f"{name} {_shown(was.get(name))} where {_shown(value)} is asked for"

@@ -41,7 +41,7 @@ class CheckpointError(GeneOHError):
 
 
 class EndedElsewhereError(GeneOHError):
-    """Another of several processes has ended a run, and says why: this one has nothing to add."""
+    """Another process of the same run has ended it and reports why; this one prints nothing."""
 
     def __init__(self, exit_code: int) -> None:
         """The exit code that this process ends with."""

@@ -1,4 +1,4 @@
-"""Ctrl-C that waits for the end of a block, or is only noted there."""
+"""Handle Ctrl-C within a block by a function, or delay it to the end of the block."""
 
 import signal
 import threading
@@ -9,8 +9,8 @@ from typing import Any
 
 @contextmanager
 def on_interrupt(act: Callable[..., None]) -> Iterator[None]:
-    """Ctrl-C within the block calls a function, with what handlers of signals are given. In other
-    threads than the main one, which alone hears of it, nothing changes."""
+    """Ctrl-C within the block calls `act` with the arguments of a signal handler. Only the main
+    thread receives signals: in other threads nothing changes."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -23,10 +23,10 @@ def on_interrupt(act: Callable[..., None]) -> Iterator[None]:
 
 @contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """A Ctrl-C within the block counts at its end.
+    """Delay a Ctrl-C within the block to its end.
 
-    For imports of packages that catch every exception while they are imported, so that one which
-    arrives then would be lost, or would end the process in the middle of native code.
+    For imports of packages that catch every exception while they are imported: the interrupt would
+    be lost there, or end the process in the middle of native code.
     """
     pressed: list[Any] = []
     before = signal.getsignal(signal.SIGINT)
@@ -35,4 +35,4 @@ def interrupts_wait() -> Iterator[None]:
             yield
     finally:
         if pressed and callable(before):
-            before(*pressed[0])  # also where the block raises, which would hide it
+            before(*pressed[0])  # also where the block raises an error, which would hide it

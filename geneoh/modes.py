@@ -1,4 +1,4 @@
-"""Modes of torch that callers set for work of their own; ours is done without them."""
+"""Protection of geneoh's computations from torch modes that a caller has set."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -8,8 +8,8 @@ import torch
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Work in float32 on the CPU, with gradients where they are asked for, whatever modes the
-    caller set; what is to be on another device says so.
+    """Run with defaults, whatever modes the caller set: float32, CPU, no autocast, and gradients
+    only where they are enabled inside. Code for other devices names them explicitly.
 
     It also decorates a function: `@undisturbed()`.
     """
@@ -20,9 +20,9 @@ def undisturbed() -> Iterator[None]:
         for device in ("cpu", "cuda"):
             if torch.is_autocast_enabled(device):
                 modes.enter_context(torch.autocast(device, enabled=False))
-        if not torch.empty(0).is_cpu:  # a mode of devices slows every call
+        if not torch.empty(0).is_cpu:  # only then, as a device mode slows every call
             modes.enter_context(torch.device("cpu"))
-        if theirs != torch.float32:  # it is one for all threads: set only where it must be
+        if theirs != torch.float32:  # it is global to all threads
             torch.set_default_dtype(torch.float32)
             modes.callback(torch.set_default_dtype, theirs)
         yield

@@ -1,4 +1,4 @@
-"""How work in progress is told: the two kinds of callback that functions take."""
+"""Progress reports: the two kinds of callback that functions take."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -25,14 +25,14 @@ def steps(items: Sequence[Item], on_step: OnStep | None) -> Iterator[Item]:
 
 
 def counted(on_step: OnStep | None, total: int) -> Callable[[], None]:
-    """What is called without arguments after each of so many steps, to tell `on_step`."""
+    """A function without arguments that reports the next of `total` steps to `on_step`."""
     done = count(1)
     return lambda: None if on_step is None else on_step(next(done), total)
 
 
 def timed(on_progress: OnProgress | None, seconds: dict[str, float]) -> Callable[[str], OnStep]:
-    """What makes the callback of a stage, by its name, which also keeps the seconds that it took; a
-    stage that is begun again goes on from its seconds before."""
+    """A function that makes the `OnStep` of a stage by its name; it also stores the seconds of the
+    stage in `seconds`. A stage that starts again continues from its earlier seconds."""
 
     def of(stage: str) -> OnStep:
         began = time.monotonic() - seconds.get(stage, 0.0)
@@ -48,7 +48,8 @@ def timed(on_progress: OnProgress | None, seconds: dict[str, float]) -> Callable
 
 
 def part_of(on_step: OnStep | None, index: int, pieces: int) -> OnStep | None:
-    """Progress of one of `pieces` pieces of work of equal size, told as that of all of them."""
+    """The callback of one of `pieces` pieces of work of equal size, which reports the overall
+    progress."""
     if on_step is None:
         return None
     return lambda done, total: on_step(index * total + done, pieces * total)

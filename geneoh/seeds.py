@@ -1,4 +1,4 @@
-"""Random generators whose seeds are told by names, the same in every run and on every machine."""
+"""Random generators with seeds from names, equal in every run and on every machine."""
 
 import hashlib
 

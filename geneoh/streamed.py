@@ -1,4 +1,4 @@
-"""Clips of several shards, which come into memory when they are drawn."""
+"""Clips of several shards that are loaded into memory only when they are taken."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -18,16 +18,16 @@ Clips = TypeVar("Clips", bound=Bundle)
 
 @dataclass(frozen=True, eq=False)
 class Streamed(Generic[Clips]):
-    """B clips in shards; those that are taken are copied into memory, and no others.
+    """B clips in shards; `take` copies only the clips that it returns.
 
-    Tensors of a shard may be mapped from its file: then the system reads pages of them when they
-    are used, drops them when memory is short, and gives all processes the same ones.
+    Tensors of a shard may be memory-mapped from its file: the system then reads their pages on
+    first use, drops them when memory is short, and shares them between processes.
     """
 
-    shards: tuple[Clips, ...]  # with their clips along the axis B, the first of every field
+    shards: tuple[Clips, ...]  # clips are along the axis B, the first axis of every field
     places: Int[Tensor, "B 2"]  # of each clip: the number of its shard, and its row there
     fitted: Callable[[Clips], Clips] | None = None
-    """Gives clips that are taken one shape, where shards have several."""
+    """Brings taken clips to a common shape, where the shapes of shards differ."""
 
     @classmethod
     def of(cls, shards: Iterable[Clips]) -> "Streamed[Clips]":
@@ -39,7 +39,7 @@ class Streamed(Generic[Clips]):
 
     @classmethod
     def of_files(cls, paths: Sequence[Path], read: Callable[[Path], Clips]) -> "Streamed[Clips]":
-        """All clips of the shards in files, each of which is checked as it is read, here and once.
+        """All clips of the shards in files; each file is read and checked once, here.
 
         Raises:
             InputError: a shard is broken, or its clips have other shapes than those of the first.
@@ -77,11 +77,11 @@ class Streamed(Generic[Clips]):
         return concatenated(map(self.fitted, clips), "B")
 
     def only(self, index: Index) -> "Streamed[Clips]":
-        """Some of the clips, none of which is copied."""
+        """Some of the clips, without copying them."""
         return replace(self, places=self.places[index])
 
     def each(self, of: Callable[[Clips], Tensor]) -> Shaped[Tensor, "B ..."]:
-        """A few numbers of every clip, as a function tells them of the clips of a shard."""
+        """A value for every clip, from a function that computes it for all clips of a shard."""
         told = {n: of(self.shards[n]) for n in self.places[:, 0].unique().tolist()}
         return torch.stack([told[number][row] for number, row in self.places.tolist()])
 

@@ -31,7 +31,7 @@ CELL = 230  # side of one picture, pixels
 WORDS = 130  # width of the words before the pictures, pixels
 ELEVATION = 0.45  # of the camera above the table, radians
 SPACING, WIDTH, LINES = 0.05, 0.0015, 8
-"""Of the lines on the table: between two, their width, metres; how many to either side."""
+"""Lines on the table: spacing and half of their width, metres; number to either side."""
 WITHIN = 0.03  # distance from the object beyond which it is not measured, metres
 CORNERS = 6  # of the plate that is drawn at each point of a surface
 

@@ -35,7 +35,7 @@ CHOSEN = (
     ("clap", "clap", "both hands clap"),
     ("type", "type", "both hands type on a keyboard"),
 )
-"""What the left and the right hand of a body do, and what is said of them."""
+"""Gestures of the left and the right hand of a body, and the sentence that describes them."""
 FRAMES, CELL, CLOSE, WORDS = 5, 260, 130, 30
 
 
@@ -47,7 +47,7 @@ def body_of(left: str, right: str, seed: int) -> BodyRecording:
     shares = replace(config.body.shares, together=together, mirrored=0.0, idle=0.0, both=0.0)
     setting, person = replace(config.body, shares=shares), config.bodies("val")[seed]
     wanted = [NAMES.index(left), NAMES.index(right)]
-    while True:  # until the right one of both hands makes the gesture
+    while True:  # until each hand makes the wanted gesture
         clips = gesturing(variants, [person], config.frames, setting, generator=generator)
         if clips.gesture[0].tolist() == wanted:
             break

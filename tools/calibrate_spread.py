@@ -1,8 +1,8 @@
 """Calibrate the spread of keypoints: `python -m tools.calibrate_spread`.
 
-The deviation of keypoints over samples is smaller than their error. This program finds the factor
-by which the share of keypoints whose truth lies in the 90% radius comes nearest to 90%, over all
-noises. Clips are synthetic interactions with the object families that networks are trained on,
+The standard deviation of keypoints over samples is smaller than their error. This program finds the
+factor at which the share of keypoints whose truth lies in the 90% radius is nearest to 90%, over
+all noises. Clips are synthetic interactions with the object families that networks are trained on,
 under seeds of their own, each under every noise. The last printed line is
 `geneoh.pipeline.spread.SCALE`.
 """
@@ -34,7 +34,7 @@ AIM = 0.9
 
 @dataclass(frozen=True)
 class SpreadErrors:
-    """Deviation over samples and true error of all keypoints of one noise, metres."""
+    """Standard deviation over samples and true error of all keypoints of one noise, metres."""
 
     sampled: Float[Tensor, " N"]
     error: Float[Tensor, " N"]
@@ -45,7 +45,7 @@ class SpreadErrors:
 
 
 def measured(noise: Noise, clips: int = CLIPS, frames: int = FRAMES) -> SpreadErrors:
-    """Clean clips under a noise; the deviation over samples and the error of every keypoint."""
+    """Clean clips under a noise; spread over samples and true error of every keypoint."""
     families = SynthesisConfig().common
     found = []
     for index in range(clips):

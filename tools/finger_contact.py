@@ -2,10 +2,10 @@
 
 `calibrate` finds the constants of `geneoh.pipeline.touch` under which the true contact of made
 clips is most probable. They have the object families that networks are trained on, under seeds of
-their own. `table` compares contact with the true one on the example recording and on clips of
-families that nothing was trained on, with so many seeds: the share of fingers and frames that
-touch; the F-score of contact as the input's own mesh has it, as that of the result has it, and of
-probabilities above a half; their mean squared error (Brier), and that of always saying the share.
+their own. `table N` compares predicted and true contact on the example recording and on clips of
+held-out families, over N seeds: the share of fingers and frames that touch; the F-score of contact
+by the mesh of the input, by the mesh of the result, and by probabilities above a half; the Brier
+score (mean squared error) of the probabilities, and that of always predicting the share.
 """
 
 import sys
@@ -60,7 +60,7 @@ class Contacts:
 
 
 def compared(clean: Sequence, noisy: Sequence, seed: int) -> Contacts:
-    """Clean a clip and look at its fingers."""
+    """Clean a clip and compare the contacts of its fingers with the true ones."""
     result = denoise(noisy, Options(seed=seed))
     (hand,) = result.hands.values()
     assert hand.contact is not None, "these clips have objects"

@@ -41,7 +41,7 @@ def keypoints_alone(hand: HandTrack, joints: Float[Tensor, "T 21 3"]) -> HandTra
 def offsets(
     hand: HandTrack, place: float, turn: float, fingers: float, generator: torch.Generator
 ) -> Float[Tensor, "T 51"]:
-    """White noise of the parameters by its deviations in metres and radians."""
+    """White noise of the parameters by its standard deviations in metres and radians."""
     sizes = torch.tensor([place] * 3 + [turn] * 3 + [fingers] * 45)
     return sizes * torch.randn(hand.frames, 51, generator=generator)
 
@@ -63,14 +63,14 @@ def with_light_noise(
 
 
 def independent_keypoints(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """Every coordinate errs by itself, by 10 mm."""
+    """Independent Gaussian noise of 10 mm on every coordinate."""
     assert hand.joints is not None
     noise = torch.randn(hand.joints.shape, generator=generator)
     return keypoints_alone(hand, hand.joints + 0.01 * noise)
 
 
 def depth(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """The place jitters along one direction, by 20 mm, and across it by 2."""
+    """White noise of the translation, 20 mm along one random ray and 2 mm across it."""
     ray = torch.nn.functional.normalize(torch.randn(3, generator=generator), dim=0)
     error = offsets(hand, 0.002, 0.0, 0.05, generator)
     along = 0.02 * torch.randn(hand.frames, 1, generator=generator)
@@ -79,7 +79,7 @@ def depth(hand: HandTrack, generator: torch.Generator) -> HandTrack:
 
 
 def half_flexed(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """Fingers are bent by 0.6 of what is true, as networks do that regress to a mean."""
+    """Finger rotations are 0.6 of the true ones, as of networks that regress to the mean."""
     assert hand.pose is not None
     error = torch.zeros(hand.frames, 51)
     error[:, 6:] = -0.4 * hand.pose[:, 1:].flatten(1)
@@ -97,7 +97,7 @@ def one_finger_straight(hand: HandTrack, generator: torch.Generator) -> HandTrac
 
 
 def too_large(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """The hand is a tenth too large, and its place jitters by 4 mm."""
+    """The hand is a tenth too large, with white noise of 4 mm on its translation."""
     assert hand.joints is not None
     wrist = hand.joints[:, :1]
     shift = 0.004 * torch.randn(hand.frames, 1, 3, generator=generator)
@@ -105,7 +105,7 @@ def too_large(hand: HandTrack, generator: torch.Generator) -> HandTrack:
 
 
 def every_third_frame(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """The tracker answers in every third frame, and keeps its answer."""
+    """The tracker updates in every third frame, and repeats its result in between."""
     kept = 3 * (torch.arange(hand.frames) // 3)
     noise = offsets(hand, 0.004, 0.03, 0.1, generator)
     return perturbed(at(hand, kept), noise[kept], hand.valid)
@@ -118,7 +118,7 @@ def a_frame_late(hand: HandTrack, generator: torch.Generator) -> HandTrack:
 
 
 def at(hand: HandTrack, frames: Tensor) -> HandTrack:
-    """A track that has the poses of other frames."""
+    """A track with the poses of the given frames."""
     assert hand.joints is not None
     assert hand.pose is not None
     assert hand.wrist is not None
@@ -136,8 +136,7 @@ def plateaus(hand: HandTrack, generator: torch.Generator) -> HandTrack:
 
 
 def lasting(frames: float) -> Error:
-    """Errors of which a share exp(-1 / frames) is left from one frame to the next, as those of
-    networks that look at several frames."""
+    """Errors with a correlation time of `frames` frames, as of networks that use several frames."""
 
     def noisy(hand: HandTrack, generator: torch.Generator) -> HandTrack:
         share = math.exp(-1 / frames)
@@ -157,7 +156,7 @@ def swaying(hand: HandTrack, generator: torch.Generator) -> HandTrack:
 
 
 def filtered_with_lag(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """The place jitters by 8 mm, and was filtered by a moving mean that comes late."""
+    """Translation noise of 8 mm after a causal moving average, which lags behind."""
     assert hand.joints is not None
     joints = hand.joints + 0.008 * torch.randn(hand.frames, 1, 3, generator=generator)
     for t in range(1, hand.frames):
@@ -187,7 +186,7 @@ def twisted(hand: HandTrack, generator: torch.Generator) -> HandTrack:
 
 
 def noisy_and_twisted(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-    """The same of a hand with Gaussian noise."""
+    """As `twisted`, on a hand with the noise "gauss"."""
     return twisted(corrupt(hand, "gauss", generator=generator), generator)
 
 

@@ -55,8 +55,8 @@ class Row:
 def measured(row: Row, scene: Scene) -> str:
     """The measures of a row as a line of a table, in the order of `LINES`.
 
-    Depth is the mean over frames and hands of that of the deepest vertex; "moved alone" is the
-    share of the object's moving frames in which no keypoint is within 2 cm of it; "at rest" is the
+    Depth is that of the deepest vertex, as a mean over frames and hands; "moved alone" is the share
+    of the object's moving frames in which no keypoint is within 2 cm of it; "at rest" is the
     largest speed of wrists and object in the first and the last frame.
     """
     sequence, hands = row.sequence, scene.versions[0].hands
@@ -85,7 +85,7 @@ def measured(row: Row, scene: Scene) -> str:
 
 
 def prompt_sheet(rows: list[tuple[Row, Scene]]) -> np.ndarray:
-    """A row of frames for each sentence, with it before them."""
+    """A row of frames for each sentence, with the sentence in front of them."""
     height = CELL + CAPTION_HEIGHT
     canvas = Canvas(WORDS + CELL * FRAMES, height * len(rows))
     for index, (row, scene) in enumerate(rows):

@@ -1,11 +1,10 @@
 """What smoothing alone could know: `python -m tools.smoothing_limits [SEEDS]`.
 
 For the hand of the example recording under noises that do not last. Each of its 51 parameters is
-taken for a Gaussian process whose covariance is fitted to the true trajectory, and its posterior
-mean is computed with the true covariance of the noise: which frames have a burst and which are lost
-is told. No user has any of this. Prints mean keypoint errors in millimetres over the seeds, of the
-input (frames that are not lost), of the tuned Savitzky-Golay filter, of this smoother and of
-geneoh.
+taken as a Gaussian process whose covariance is fitted to the true trajectory. Its posterior mean is
+computed with the true covariance of the noise, and with the true frames of bursts and losses. No
+user has any of this. Prints mean keypoint errors in millimetres over the seeds, of the input
+(frames that are not lost), of the tuned Savitzky-Golay filter, of this smoother and of geneoh.
 """
 
 import sys
@@ -27,9 +26,9 @@ from tools.noisy_objects.clips import RECORDING, clip_of
 
 NOISES: tuple[Noise, ...] = ("gauss", "gauss_strong", "drift", "burst", "drop")
 BURST = 3.0
-"""Mean size of a frame's noise, in deviations, from which it is told to be a burst."""
+"""Mean noise of a frame, in standard deviations, above which the frame counts as a burst."""
 LENGTHS = ((0.15, 0.08), (0.6, 0.08))
-"""Seconds of the slow and of the quick part of a motion, from which each fit starts."""
+"""Initial length scales in seconds of the slow and of the quick part, one pair for each fit."""
 FREE_MEAN = 100.0  # variance of a trajectory's mean, in units of the trajectory's own
 
 
@@ -47,14 +46,15 @@ def matern(seconds: np.ndarray, length: float) -> np.ndarray:
 
 
 def covariance(logs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """Of a slow part, a quick part and jitter, from logarithms of their deviations and lengths."""
+    """Covariance of a slow part, a quick part and jitter, from the logarithms of their standard
+    deviations and length scales."""
     slow, slow_length, quick, quick_length, jitter = np.exp(logs)
     parts = slow**2 * matern(seconds, slow_length) + quick**2 * matern(seconds, quick_length)
     return parts + jitter**2 * np.eye(len(seconds))
 
 
 def fitted_covariance(truth: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """The covariance under which a true trajectory is most likely."""
+    """The maximum likelihood covariance of a true trajectory."""
     size, free = truth.std() + 1e-6, FREE_MEAN * truth.var()
 
     def surprise(logs: np.ndarray) -> float:

@@ -1,8 +1,8 @@
 """Error and cost of a stream by its lag: `python -m tools.stream_lags`.
 
 The example recording and made clips, under noises of `geneoh corrupt` and several seeds, go through
-`geneoh.Stream`. Beside it stand the input, the best simple filter that waits as long, and the whole
-track cleaned at once. Errors are means over keypoints and frames, millimetres.
+`geneoh.Stream`. It is compared with the input, the best simple filter of the same lag, and the
+whole track cleaned at once. Errors are means over keypoints and frames, millimetres.
 """
 
 import argparse
@@ -31,7 +31,7 @@ FILTERS: tuple[tuple[FilterKind, Domain], ...] = (
     ("one-euro", "keypoints"),
 )
 SEEN = 60
-"""Frames that a filter sees, as many as the stream."""
+"""Window of a filter in frames, as long as that of the stream."""
 Row = dict[str, float]
 
 
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def measure(truth: HandTrack, noisy: Sequence, seed: int, rows: dict[float, list[Row]]) -> None:
-    """Add what each lag makes of a clip."""
+    """Add a row of errors and costs for each lag, measured on one clip."""
     began = time.process_time()
     whole = geneoh.denoise(noisy, seed=seed).sequence.hands[0]
     spent = time.process_time() - began
@@ -111,7 +111,7 @@ def streamed(truth: HandTrack, noisy: Sequence, lag: float, seed: int) -> Row:
 def lagged_filter(
     hand: HandTrack, lag: int, fps: float, kind: FilterKind, domain: Domain
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a filter that gives a frame when it has seen `lag` more."""
+    """Keypoints of a filter that outputs each frame after `lag` further frames."""
     hand, found = fill_gaps(hand), []
     for frame in range(hand.frames):
         last = min(frame + lag, hand.frames - 1)

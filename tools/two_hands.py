@@ -1,9 +1,9 @@
 """Two hands on one object, cleaned together: `python -m tools.two_hands`.
 
 Clips in which two hands hold one object that no network has seen, under noises of `geneoh corrupt`.
-Each cell has the input, the tuned Savitzky-Golay filter on parameters, which every hand gets by
-itself, and geneoh: means over clips, hands and frames, and of the deepest vertex that the hands
-have in each other means over clips.
+Each cell has the input, the tuned Savitzky-Golay filter on the parameters of each hand, and geneoh:
+means over clips, hands and frames; for the largest depth of the hands in each other, means over
+clips.
 """
 
 import argparse
@@ -48,7 +48,7 @@ from tools.noisy_objects.clips import EXAMPLES, scans_of
 
 FRAMES = 90
 DEEPEST, OVERLAP = 0.01, 0.002
-"""How deep a vertex of a clean clip may be in the object, and in the other hand, metres."""
+"""Largest penetration depth of a clean clip in the object, and in the other hand, metres."""
 CONFIG = SynthesisConfig(
     frames=FRAMES,
     shape_std=0.0,
@@ -94,8 +94,8 @@ def main() -> None:
 def made_pairs(scanned: Collection[str] | None = None, at_once: int = 24) -> Iterator[Sequence]:
     """Clips of two hands of the mean shape on held-out families and scans; always the same.
 
-    Hands that go through the object or each other on their ways are left out. `scanned` names
-    other scans than all that are held out; `at_once` grasps are tried at a time.
+    Clips in which a hand goes through the object or the other hand are left out. `scanned` selects
+    scans by name, by default all held-out ones; `at_once` is the number of grasps tried at a time.
     """
     objects = read_folder(EXAMPLES / "objects")
     scans = scans_of(objects, scanned or objects.held_out)
@@ -118,7 +118,7 @@ def made_pairs(scanned: Collection[str] | None = None, at_once: int = 24) -> Ite
 
 
 def paired(clips: Interactions, solids: Solids, first: int, second: int, name: str) -> Sequence:
-    """A clip of a right hand, and of the left one that another clip shows in a mirror."""
+    """A clip of a right hand, and of a left hand that mirrors the hand of another clip."""
     betas = torch.zeros(10)
     hand = load_hand("right").shaped(betas)
     motion = moving_object(clips, first, solids.take(slice(first, first + 1), "B"))
@@ -155,7 +155,7 @@ def clean_pair(clip: Sequence) -> Pair:
 
 
 def measured(hands: Iterable[HandTrack], surface: MovingSurface) -> Pair:
-    """Keypoints of two hands without gaps, with the mesh of each hand's person fitted to them."""
+    """Measures of two hands with gaps filled, by a mesh of each hand's shape fitted to them."""
     places, depths, touching, skins = [], [], [], []
     for hand in hands:
         model, joints = load_hand(hand.side), filled_keypoints(hand)

@@ -1,4 +1,4 @@
-"""`geneoh batch`: many clips cleaned, whatever becomes of single ones."""
+"""`geneoh batch`: clean many clips, and go on where single ones fail."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from .. import options, progress, sources
 from ..options import FOLDER, option
 
 TOLD = 5
-"""Clips whose failure is printed; the summary has all of them."""
+"""Most failed clips that are printed; the summary has all of them."""
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""`geneoh convert`: what the field produces, as distributed, into sequences."""
+"""`geneoh convert`: files of data sets and estimators, as distributed, into sequences."""
 
 from pathlib import Path
 from typing import Any

@@ -13,9 +13,9 @@ from geneoh.errors import ConfigError
 from .. import options, progress
 
 ACTIONS = "runs/actions"
-"""Folder of the actions that the generator learns from, where no other is named."""
+"""Default folder of the actions that the generator learns from."""
 BODIES = "runs/bodies"
-"""Folder of the bodies that the generator of hands learns from, where no other is named."""
+"""Default folder of the bodies that the generator of hands learns from."""
 
 
 @click.command()
@@ -139,7 +139,7 @@ class Asked:
         return options.find_config(self.config), self.settings
 
     def only_source(self, default: str) -> str:
-        """What a generator learns from, which is one source."""
+        """The source that a generator learns from; `ConfigError` for more than one."""
         if len(self.sources) > 1:
             raise ConfigError(
                 f"--data: expected one source with --stage {self.stage}, got {len(self.sources)}; "
@@ -149,7 +149,7 @@ class Asked:
 
 
 def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
-    """A stage of the cleaner to learn, the weights to start from, and words on its data."""
+    """The training task of a stage of the cleaner, its initial weights, and notes on its data."""
     from geneoh.denoisers.library import load_motion
     from geneoh.readers.base import ReaderOptions
     from geneoh.training.config import FOLLOWS, TrainConfig
@@ -178,7 +178,7 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
 
 def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
-    """A network of the generator to learn, the weights to start from, and words on its data."""
+    """The training task of a network of the generator, its initial weights, and notes."""
     from geneoh.generators.text2hoi.learning.stages import Learned
     from geneoh.generators.text2hoi.learning.stages import generator_task as task_of
     from geneoh.generators.text2hoi.networks.library import SHIPPED
@@ -187,7 +187,7 @@ def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.training.start import weights_for
 
     stage = asked.stage
-    # pieces of words are learned anew, and weights mean nothing with other pieces
+    # the vocabulary of subwords is learned again, and weights do not fit another vocabulary
     _refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
     if stage == "text":
         _refuse_unused(stage, "sources", "text_encoder", "mano")
@@ -201,7 +201,7 @@ def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
 
 def _body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
-    """A network of the generator of hands for a body to learn, its first weights, and words."""
+    """The training task of a network for hands of a body, its initial weights, and notes."""
     from geneoh.generators.both2hands.library import SHIPPED
     from geneoh.generators.both2hands.stages import LearnedBodies
     from geneoh.generators.both2hands.stages import body_task as task_of
@@ -220,13 +220,13 @@ def _body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
 
 def weights_to_start_from(asked: Asked, shipped: Path) -> Path | None:
-    """The file of weights that a network of a generator starts from; None for random ones."""
+    """The file of a network's initial weights; None for random ones."""
     folder = shipped if asked.start == Path("shipped") else asked.start
     return folder and folder / f"{asked.stage}.safetensors"
 
 
 def _refuse_unused(stage: Any, *names: str) -> None:
-    """Refuse options that are given and of which a stage makes no use."""
+    """Refuse options on the command line that a stage does not use."""
     for name, option in options.on_command_line().items():
         if name in names:
             raise ConfigError(

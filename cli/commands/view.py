@@ -69,7 +69,7 @@ def view(
     _refuse_unused(outputs, serve=serve)
     if "mano" in options.on_command_line():
         refuse_without_mano(chosen["mano"])
-    if not serve:  # which finds meshes by name
+    if not serve:  # --serve finds meshes by name
         options.refuse_unit_without(obj)
     given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)

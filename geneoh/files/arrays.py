@@ -1,7 +1,8 @@
-"""Arrays out of pickles: of numpy, scipy, chumpy and joblib, rebuilt from bytes that were checked.
+"""Arrays in pickles of numpy, scipy, chumpy and joblib, rebuilt from checked bytes.
 
-Not even numpy's own functions are called as the file asks: an array is made after its declared
-shape was held against its bytes. Chumpy arrays and sparse matrices come out as numpy arrays.
+A file's calls are never run, not even those of numpy's own functions: an array is made here, after
+its declared shape was compared with its bytes. Chumpy arrays and sparse matrices become numpy
+arrays.
 """
 
 import math
@@ -13,13 +14,13 @@ import numpy as np
 from geneoh.files.pickles import ARRAY_WRAPPER, DICT, PERSISTENT, PLAIN, Call, Loader, Rebuild
 
 ITEM_BYTES = 100
-"""What an item of a dict takes at least."""
+"""Least memory of an item of a dict, bytes."""
 
 DTYPE = re.compile(r"[biufcSU?O]\d{0,4}")
 
 
 def shape_of(shape: Any) -> tuple[int, ...]:
-    """A shape that can be one."""
+    """A declared shape as a tuple; ValueError where it is not a possible one."""
     shape = (shape,) if isinstance(shape, int) else shape
     if not isinstance(shape, tuple) or len(shape) > 16:
         raise ValueError("has no shape")
@@ -54,7 +55,7 @@ def array_from(
 
 
 def rebuild_dtype(loader: Loader, call: Call) -> np.dtype:
-    """A kind of numbers: (text, ...), and the state (version, byte order, None, None, ...)."""
+    """A dtype: arguments (text, ...), and state (version, byte order, None, None, ...)."""
     text, *_ = loader.value(call.args)
     if not isinstance(text, str) or not DTYPE.fullmatch(text):
         raise ValueError(f"is {str(text)[:40]!r}, not one of plain numbers or text")
@@ -66,13 +67,13 @@ def rebuild_dtype(loader: Loader, call: Call) -> np.dtype:
 
 
 def rebuild_array(loader: Loader, call: Call) -> np.ndarray:
-    """An array by its state."""
+    """An array from its state: (version, shape, dtype, whether in Fortran order, bytes)."""
     _version, shape, dtype, fortran, raw = loader.value(call.state)
     return array_from(loader, shape, dtype, raw, fortran=bool(fortran))
 
 
 def rebuild_buffer(loader: Loader, call: Call) -> np.ndarray:
-    """An array of protocol 5."""
+    """An array of pickle protocol 5: (bytes, dtype, shape, order)."""
     raw, dtype, shape, order = loader.value(call.args)
     return array_from(loader, shape, dtype, raw, fortran=order == "F")
 
@@ -84,7 +85,7 @@ def rebuild_scalar(loader: Loader, call: Call) -> Any:
 
 
 def rebuild_joblib(loader: Loader, call: Call) -> np.ndarray:
-    """An array of a joblib dump, whose bytes are the next of the file."""
+    """An array of a joblib dump; its bytes follow next in the file."""
     state = {name: node for name, node in call.state.items if isinstance(name, str)}
     shape, dtype, order = (loader.value(state[name]) for name in ("shape", "dtype", "order"))
     if dtype.hasobject:
@@ -96,7 +97,7 @@ def rebuild_joblib(loader: Loader, call: Call) -> np.ndarray:
 
 
 def rebuild_chumpy(loader: Loader, call: Call) -> np.ndarray:
-    """A chumpy array: its numbers, or the selection from another one."""
+    """A chumpy array: its numbers, or a selection from another array."""
     state = loader.value(call.state)
     if "x" not in state:
         source, chosen = state["a"], state["idxs"]
@@ -125,7 +126,7 @@ def rebuild_sparse(loader: Loader, call: Call) -> np.ndarray:
 
 
 def rebuild_bytes(loader: Loader, call: Call) -> bytes:
-    """Bytes as Python 3 writes them for Python 2: a string with its encoding, or none at all."""
+    """Bytes that Python 3 pickled for Python 2: a string and its encoding; without both, empty."""
     text, encoding = loader.value(call.args) or ("", "latin1")
     if encoding not in ("latin1", "latin-1"):
         raise ValueError("is used for other than latin1 bytes")
@@ -134,9 +135,9 @@ def rebuild_bytes(loader: Loader, call: Call) -> bytes:
 
 
 def rebuild_dict(loader: Loader, call: Call) -> dict[Any, Any]:
-    """A dict from its items, and for an `OrderedDict` from the pairs that are its argument.
+    """A dict from its items; an `OrderedDict` also from the pairs that are its argument.
 
-    Integers of more than 64 bits are no keys: n of them with equal hashes take n**2 steps.
+    Integer keys of more than 64 bits are refused: n of them with equal hashes take n**2 steps.
     """
     (first,) = call.args or ([],)
     first = first.items if isinstance(first, Call) else first
@@ -152,17 +153,17 @@ def rebuild_dict(loader: Loader, call: Call) -> dict[Any, Any]:
 
 
 def first_argument(loader: Loader, call: Call) -> Any:
-    """What a set is made of, what a parameter wraps; a list where there is nothing."""
+    """The first argument: the items of a set, the tensor of a parameter; without any, []."""
     return loader.value(call.args[0]) if call.args else []
 
 
 def refuse_call(loader: Loader, call: Call) -> Any:
-    """A name that only stands as an argument was called."""
+    """Refuse the call of a name that is allowed as an argument only."""
     raise ValueError("is called")
 
 
 def refuse_stored(loader: Loader, call: Call) -> Any:
-    """A pickle that is no checkpoint must hold all of its numbers itself."""
+    """Refuse a value stored outside of the pickle, which only checkpoints may have."""
     raise ValueError("stands in a pickle that keeps nothing outside")
 
 
@@ -186,4 +187,4 @@ ARRAYS: dict[str, Rebuild] = {
     ARRAY_WRAPPER: rebuild_joblib,
     PERSISTENT: refuse_stored,
 }
-"""Names that may stand in a pickle, and what makes a value of each."""
+"""Names that a pickle may contain, and the function that builds the value of each."""

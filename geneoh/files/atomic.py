@@ -19,10 +19,10 @@ STALE = 60.0
 def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> Iterator[Path]:
     """A new file or folder that becomes `path` when the block ends without an error.
 
-    It stands in the same folder as `.NAME.NUMBER.tmp` and is removed after an error. What a killed
-    process left there is removed by the next write of the same `path`, from a minute later on. An
-    old file is replaced, a link is followed; no `folder` may be there yet. With `parents` missing
-    folders above it are made. `InputError` where the place cannot be written to.
+    Until then it is called `.NAME.NUMBER.tmp`, in the same folder; after an error it is removed.
+    Leftovers of killed processes that are a minute old are removed by the next write of `path`. A
+    file at `path` is replaced and a link followed; a `folder` must be new. `parents` makes missing
+    folders above it. `InputError` where the place cannot be written to.
     """
     path, beside = path if folder else replaceable(path), None
     try:
@@ -34,7 +34,7 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
             with beside.open("rb+") as file:
                 os.fsync(file.fileno())
         beside.replace(path)
-    except GeneOHError:  # of which some are OSErrors
+    except GeneOHError:  # some are OSErrors too
         raise
     except OSError as error:
         raise unwritable(path, error) from None
@@ -44,7 +44,7 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
 
 
 def replaceable(path: Path) -> Path:
-    """What a write of `path` makes, behind links; `InputError` where it is no regular file."""
+    """The path that a write replaces, after links; `InputError` for all but regular files."""
     place = Path(os.path.realpath(path)) if path.is_symlink() else path
     if os.path.lexists(place) and not place.is_file():
         kinds = {stat.S_IFDIR: "folder", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
@@ -63,7 +63,7 @@ def reserved_beside(path: Path, *, folder: bool) -> Path:
         try:
             beside.mkdir() if folder else beside.touch(exist_ok=False)
         except FileExistsError:
-            with suppress(FileNotFoundError):  # the other process is done with it by now
+            with suppress(FileNotFoundError):  # another process may have removed it by now
                 if time.time() - beside.stat().st_mtime > STALE:
                     remove(beside)
         else:
@@ -74,7 +74,7 @@ def reserved_beside(path: Path, *, folder: bool) -> Path:
 def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None:
     """Write a file in one step: `path` holds the old file or the whole new one, never a part.
 
-    Text is written as UTF-8, with a ? for what is none, such as an old file name.
+    Text is written as UTF-8, with ? for what UTF-8 cannot encode, such as parts of old file names.
     """
     with in_one_step(path, parents=parents) as beside:
         beside.write_bytes(data.encode(errors="replace") if isinstance(data, str) else data)

@@ -1,8 +1,8 @@
-"""What torch.save writes: a zip with one member per storage, or the older stream.
+"""Read files of torch.save: a zip with one member per storage, or the legacy stream.
 
-The older stream is also what a tensor inside of an ordinary pickle holds. Tensors come back as
-numpy arrays, those that were saved from a GPU like all others. `torch.load(weights_only=True)` is
-no substitute: it refuses the numpy arrays and sparse matrices that data sets keep beside tensors.
+A tensor inside an ordinary pickle is in the legacy format too. Tensors become numpy arrays, also
+those saved from a GPU. `torch.load(weights_only=True)` is no substitute: it refuses the numpy
+arrays and sparse matrices that data sets store beside tensors.
 """
 
 import math
@@ -18,12 +18,12 @@ from geneoh.files.pickles import PERSISTENT, Call, Loader, Rebuild
 from geneoh.files.reading import SIZE_LIMIT
 
 MAGIC = 0x1950A86A20F9469CFC6C
-"""First value of the older stream."""
+"""First value of the legacy stream."""
 
 KINDS = {"Double": "<f8", "Float": "<f4", "Half": "<f2", "BFloat16": "<u2", "Bool": "?"}
 KINDS |= {"Long": "<i8", "Int": "<i4", "Short": "<i2", "Char": "i1", "Byte": "u1"}
 STORAGES = {f"torch.{kind}Storage": dtype for kind, dtype in KINDS.items()}
-"""How numbers are stored by the class that a checkpoint names."""
+"""The numpy dtype of each storage class that a checkpoint may name."""
 
 
 def rebuild_tensor(loader: Loader, call: Call) -> np.ndarray:
@@ -42,10 +42,10 @@ def rebuild_tensor(loader: Loader, call: Call) -> np.ndarray:
 
 
 def rebuild_storage(loader: Loader, call: Call) -> np.ndarray:
-    """The numbers of a tensor that was pickled by itself: bytes that are the older form in turn."""
+    """The storage of a tensor inside an ordinary pickle: bytes in the legacy format."""
     (raw,) = loader.value(call.args)
     loader.spend(len(raw))
-    storage = read_stream(raw, loader.file, TENSORS)  # in which no further one may stand
+    storage = read_stream(raw, loader.file, TENSORS)  # without `rebuild_storage`: not nested
     loader.spend(storage.nbytes)
     return storage
 
@@ -59,7 +59,7 @@ TENSORS: dict[str, Rebuild] = {
     "torch.Size": first_argument,
 }
 KNOWN: dict[str, Rebuild] = {**TENSORS, "torch.storage._load_from_bytes": rebuild_storage}
-"""Every name that may stand in a file, and what makes a value of each."""
+"""Every name that a file may contain, and the function that builds the value of each."""
 
 
 def storage_id(call: Call) -> tuple[str, str, int]:
@@ -71,7 +71,7 @@ def storage_id(call: Call) -> tuple[str, str, int]:
 
 
 def storage_from(loader: Loader, kind: str, raw: bytes, count: int) -> np.ndarray:
-    """Numbers of a tensor from their bytes, of which there must be as many as declared."""
+    """A storage from its bytes; ValueError where they are not of the declared length."""
     dtype = np.dtype(STORAGES[kind])
     if len(raw) != count * dtype.itemsize:
         raise ValueError(f"declares {count} numbers for {len(raw)} bytes")
@@ -112,12 +112,12 @@ def read_zip(archive: zipfile.ZipFile, file: str) -> Any:
 
 
 def is_stream(data: bytes) -> bool:
-    """Whether bytes start as the older form does."""
+    """Whether bytes begin like the legacy format."""
     return data[:2] == b"\x80\x02" and MAGIC.to_bytes(10, "little") in data[:20]
 
 
 def read_stream(data: bytes, file: str, known: Mapping[str, Rebuild] = KNOWN) -> Any:
-    """The older form: pickles of magic, version, system, value and keys, then each storage."""
+    """Read the legacy format: pickles of magic, version, system, value and keys, then storages."""
     arrays: dict[str, np.ndarray] = {}
 
     def stored(loader: Loader, call: Call) -> np.ndarray:

@@ -16,7 +16,7 @@ PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
 
 
 def package_versions(*more: str) -> dict[str, Any]:
-    """The versions of these and more packages, which are reported; None where one has none."""
+    """The versions of `PACKAGES` and of `more`; None for a package that is not installed."""
     found: dict[str, Any] = dict.fromkeys((*PACKAGES, *more))
     for name in found:
         with suppress(metadata.PackageNotFoundError):
@@ -25,10 +25,10 @@ def package_versions(*more: str) -> dict[str, Any]:
 
 
 def fingerprint(path: Path) -> str:
-    """Size and SHA-256 of a file; else of names, sizes and times of the files that it stands for.
+    """Size and SHA-256 of a file, or of the names, sizes and times of several files.
 
-    These are all below a folder, or those whose names begin with a path that is no file itself, as
-    OakInk's clips are. `InputError` where there are none.
+    For a folder these are all files below it. For a path that does not exist, they are all files
+    that begin with it, as clips of OakInk do. `InputError` where there are none.
     """
     inside = path.rglob("*") if path.is_dir() else path.parent.glob(f"{escape(path.name)}*")
     files = [] if path.is_file() else sorted(each for each in inside if each.is_file())
@@ -40,7 +40,7 @@ def fingerprint(path: Path) -> str:
 
 
 def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
-    """Whether all of these files, relative to a folder, are there and as they were."""
+    """Whether all of these files, relative to `base`, still have their recorded fingerprints."""
     try:
         return all(fingerprint(base / path) == known for path, known in fingerprints.items())
     except GeneOHError:
@@ -48,10 +48,9 @@ def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
 
 
 def is_done(record: Mapping[str, Any], asked: Mapping[str, Any], folder: Path) -> bool:
-    """Whether a journal's record is of the same work, and what it read and wrote is as it was.
+    """Whether a journal's record is of the same work, and its inputs and outputs are unchanged.
 
-    So the last entry of each output file counts: where a clip of another name replaced a file, it
-    is not as it was.
+    If another clip replaced an output file since, the fingerprint differs and the work is not done.
     """
     same = record.get("asked") == asked
     return same and all(is_unchanged(record.get(name, {}), folder) for name in ("inputs", "files"))
@@ -72,7 +71,7 @@ def file_digest(paths: Iterable[Path]) -> str:
 
 
 def by_path(files: Iterable[Path]) -> list[tuple[str, Path]]:
-    """Files that may lie anywhere, by their whole paths."""
+    """Files with their paths as names, sorted, where they may lie in any folder."""
     return [(str(file), file) for file in sorted(files)]
 
 
@@ -84,10 +83,10 @@ def records_of(files: Iterable[tuple[str, Path]]) -> dict[str, tuple[int, str]]:
 def are_as_recorded(
     files: Sequence[tuple[str, Path]], records: Mapping[str, tuple[int, str]], made: Path
 ) -> bool:
-    """Whether files, by name, are those of `records_of`, from which the file `made` was made.
+    """Whether files still match the `records_of` them, from which the file `made` was made.
 
-    Contents are compared of files that are newer than it, of others only the size. Files that the
-    records name by their whole paths are looked for there.
+    Files that changed after `made` are compared by content, others by size only. Files that the
+    records name by absolute paths are looked up there.
     """
     time = made.stat().st_mtime
     there = dict(files) | {name: Path(name) for name in records if Path(name).is_absolute()}
@@ -96,7 +95,7 @@ def are_as_recorded(
     for name, file in there.items():
         size, content = records[name]
         stat = file.stat()
-        changed = max(stat.st_mtime, stat.st_ctime)  # a file that was moved here keeps the first
+        changed = max(stat.st_mtime, stat.st_ctime)  # moving a file keeps its mtime
         if stat.st_size != size or (changed > time and _sha256(file) != content):
             return False
     return True

@@ -14,10 +14,10 @@ from geneoh.files.json_text import json_text
 
 LOCK = ".geneoh.lock"
 JOURNALS = CONVERTED, CLEANED, SCORED = "converted.jsonl", "journal.jsonl", "scores.jsonl"
-"""Names of the journals that runs leave in folders, which are no recordings."""
+"""Names of the journals that runs leave in folders; they do not count as recordings there."""
 Record = Mapping[str, Any]
 FIRST_NAMES = (("options", "weights"), ("settings", "versions"), ("clip", "asked"))
-"""Fields of the first record of each journal; the first of them stands first."""
+"""Two fields of the first record of each kind of journal; a record begins with the first one."""
 
 
 def read_journal(path: Path) -> list[dict[str, Any]]:
@@ -52,7 +52,7 @@ def is_journal(path: Path) -> bool:
 
 
 def begin_journal(path: Path, records: Iterable[Record]) -> None:
-    """Write a journal anew in one step; makes its folder."""
+    """Write a new journal in one step, in place of an old one; makes its folder."""
     write_whole(path, "".join(json_text(record) + "\n" for record in records), parents=True)
 
 
@@ -69,9 +69,9 @@ def append_journal(path: Path, records: Iterable[Record]) -> None:
 
 @contextmanager
 def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
-    """Make a folder and keep other runs out of it; the system lets go of it when a process dies.
+    """Make a folder and lock it against other runs; the lock ends with the process.
 
-    `name` is that of the file that keeps out runs with the same one.
+    `name` is the name of the lock file; it excludes runs that use the same one.
 
     Raises:
         InputError: another run is working in it, or it cannot be written to.
@@ -87,7 +87,7 @@ def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
         try:
             yield
         finally:
-            with suppress(OSError):  # as of a system that keeps open files
+            with suppress(OSError):  # some systems do not remove open files
                 path.unlink()
     finally:
         os.close(descriptor)

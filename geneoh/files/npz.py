@@ -1,8 +1,8 @@
 """Npz archives of plain arrays: read without trusting the file, written whole or not at all.
 
 An npz is a zip of .npy members. Members are decoded here and not by `numpy.load`: nothing is ever
-unpickled, and no array is allocated before its declared size was held against a limit and against
-the bytes that are there.
+unpickled, and no array is allocated before its declared size was compared with a limit and with
+the number of bytes in the file.
 """
 
 import io
@@ -21,11 +21,11 @@ from geneoh.files.reading import BUDGET_VARIABLE, DAMAGE, byte_budget, read_byte
 OLDEST_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every member, the first that zip knows: equal arrays give equal bytes."""
 OWN_ATTRIBUTES = 0o644 << 16
-"""Of the members of archives that geneoh writes; those of numpy have others."""
+"""File attributes of archive members that geneoh writes; numpy writes other ones."""
 
 Arrays = dict[str, np.ndarray]
 ObjectReader = Callable[[bytes, str], Any]
-"""From the bytes behind the header of an array of Python objects, and its file and field."""
+"""Decodes an array of Python objects from the bytes after its header; the text is for messages."""
 
 
 def read_archive(path: Path) -> Arrays:
@@ -56,7 +56,7 @@ def read_archive(path: Path) -> Arrays:
 
 
 def got_instead(data: bytes) -> str:
-    """What a file is that is no zip, and what to do, by its first bytes."""
+    """For a message: the kind of a file that is no zip, by its first bytes, and what to do."""
     if data.startswith(b"\x93NUMPY"):
         return "a single .npy array; save the arrays by name with numpy.savez"
     if data.startswith(b"\x80"):
@@ -76,7 +76,7 @@ def got_instead(data: bytes) -> str:
 def decode_archive(
     archive: zipfile.ZipFile, file: str, objects: ObjectReader | None = None
 ) -> dict[str, Any]:
-    """Every array of an open archive; what it declares is held against the budget before."""
+    """Every array of an open archive, after its declared size was compared with the budget."""
     members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
     budget, needed = byte_budget(), sum(info.file_size for info in members)
     if needed <= budget:
@@ -96,7 +96,7 @@ def decode_archive(
 
 
 def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> int:
-    """Bytes that the numbers of a member take as float64, which readers turn them into."""
+    """Bytes that a member takes as float64, to which readers convert its numbers."""
     with archive.open(info) as stream:
         shape, _, dtype = read_header(stream, f"{file}: '{info.filename.removesuffix('.npy')}'")
     count = math.prod(shape)

@@ -1,4 +1,4 @@
-"""Where results may be written: checked before the work, so that nothing of the user's is lost."""
+"""Checks of output paths before the work begins, so that no file of the user is overwritten."""
 
 import os
 import zipfile
@@ -16,25 +16,25 @@ SEQUENCE_FORMAT: Final = "geneoh-sequence"
 """The field `format` of a geneoh-sequence npz."""
 SMPLX_NAMES = ("side", "hand_model", "flat_hand_mean", "transl", "joints", "valid")
 SMPLX_MARK = {f"{name}.npy" for name in SMPLX_NAMES}
-"""Members that together only our npz files under smplx names have."""
+"""Archive members that together occur only in our npz files under smplx names."""
 HEAD_MARKS = {
     ".html": b'<meta name="generator" content="geneoh">',
     ".png": b"tEXtSoftware\0geneoh",
     ".glb": b'"generator":"geneoh"',
     ".json": b'"generator": "geneoh ',
 }
-"""What the first bytes of each file that geneoh writes hold."""
+"""A mark in the first `HEAD` bytes of every file that geneoh writes, by its ending."""
 TAIL_MARKS = {
     ".mp4": b"\0\0\0\x0efreegeneoh",  # a box that players skip
     ".gif": b"\x21\xfe\x06geneoh\0;",  # a comment, and the end of the GIF
 }
 """The last bytes of each film that geneoh writes."""
 HEAD = 4096
-"""Bytes in which a mark at the head, and the name of a format, must lie."""
+"""Bytes at the start of a file that are searched for its mark; most bytes of a `format` field."""
 
 
 def check_ending(path: Path, endings: Iterable[str]) -> None:
-    """`InputError` for a name whose ending is of no format that can be written."""
+    """`InputError` for a path whose ending is not one of `endings`."""
     if path.suffix.lower() not in endings:
         raise InputError(f"{path}: expected {', '.join(endings)}, got {path.suffix!r}; name it so")
 
@@ -48,15 +48,17 @@ def check_outputs(
     overwrite: bool = False,
     remedy: str = "pass --overwrite to replace it, or choose another name",
 ) -> None:
-    """Refuse outputs that cannot be written, or that would replace what is not ours; follows links.
+    """Refuse outputs that cannot be written or would replace a file that geneoh did not write.
+
+    Links are followed.
 
     Args:
         files: files to write, each in a folder that exists.
-        endings: of the formats in which the files can be written; without any, all are taken.
+        endings: endings that the files may have; empty for any.
         folders: new folders to make.
-        inputs: files and folders that are read; in these folders only our own files are replaced.
-        overwrite: whether files of others may be replaced too; never an input.
-        remedy: what to do about a file of others.
+        inputs: files and folders that are read; in them only files of geneoh are replaced.
+        overwrite: whether files that geneoh did not write may be replaced; inputs never are.
+        remedy: advice for the message about such a file.
     """
     read = [path for path in inputs if path is not None]
     taken: set[Path] = set()
@@ -78,7 +80,7 @@ def check_outputs(
 
 
 def _check_folder(path: Path, *, missing: bool) -> None:
-    """Refuse an output whose folder cannot be written to; `missing` ones are made later."""
+    """Refuse an output whose folder cannot be written to; with `missing`, it may be made later."""
     folder = replaceable(path).parent
     while missing and not os.path.lexists(folder):
         folder = folder.parent
@@ -92,7 +94,7 @@ def _check_folder(path: Path, *, missing: bool) -> None:
 
 
 def refuse_folder(path: Path) -> None:
-    """Refuse a folder to make that is there: its files might be those of other work."""
+    """Refuse an output folder that exists already, because its files may belong to other work."""
     if path.is_dir():
         raise InputError(
             f"{path}: expected a new folder, got one that is there; remove it, or choose another "
@@ -101,7 +103,7 @@ def refuse_folder(path: Path) -> None:
 
 
 def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:
-    """Refuse an existing output that is read; `place` is its path without links."""
+    """Refuse an output that is an input or a foreign file in one; `place` is its real path."""
     for given in inputs if place.exists() else ():
         within = place.is_relative_to(os.path.realpath(given)) and not is_ours(place)
         if given.exists() and (given.samefile(place) or within):
@@ -110,7 +112,7 @@ def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:
 
 
 def lies_within(path: Path, folder: Path) -> bool:
-    """Whether a path is a folder or in it, by any way to either, such as `..` or a link."""
+    """Whether a path is `folder` or lies in it, after `..` and links are resolved."""
     return path.resolve().is_relative_to(folder.resolve())
 
 
@@ -126,7 +128,7 @@ def keep_others(*paths: Path, remedy: str = "choose another folder") -> None:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether geneoh wrote this regular file, judged by a few bytes; when in doubt it did not."""
+    """Whether geneoh wrote this regular file, judged by a few bytes; False when in doubt."""
     ending = path.suffix.lower()
     try:
         if ending == ".npz":

@@ -1,11 +1,11 @@
-"""Pickles read without running them: names on a list are rebuilt by us, all others are refused.
+"""Read pickles without running them: an allow-list of names is rebuilt, all others are refused.
 
-A pickle is a program that calls what it names. Here Python's own unpickler only writes each call
-down (`Call`), and `Loader.value` then makes a value of each known one. Nothing that a file names is
-imported.
+A pickle is a program that calls functions by name. Here Python's own unpickler only records each
+call (`Call`), and `Loader.value` then builds the value of each call with an allowed name. Nothing
+that a file names is imported.
 
-The unpickler is the one written in Python and not its twin in C, which allocates what a file
-declares (a memo index, a length) and hashes keys that take 2**n steps before it could be stopped.
+The unpickler is the one in Python, not the one in C: that allocates sizes which a file declares (a
+memo index, a length) and hashes keys that take 2**n steps, before it could be stopped.
 """
 
 import pickle
@@ -18,14 +18,14 @@ from geneoh.errors import InputError
 from geneoh.files.reading import DAMAGE, SIZE_LIMIT, reason
 
 STEP_LIMIT = 20_000_000
-"""Opcodes of one pickle; two minutes of OakInk2, the largest in use, take about 6 million."""
+"""Most opcodes of a pickle; two minutes of OakInk2, the largest in use, take about 6 million."""
 
 OBJECT_LIMIT = 8_000_000
-"""Lists, tuples, dicts and calls of one file, and values that it keeps to recall: a gigabyte of
-memory. Two minutes of OakInk2, the largest in use, take about 4 million."""
+"""Most lists, tuples, dicts, calls and memo entries of one file: a gigabyte of memory. Two minutes
+of OakInk2, the largest in use, take about 4 million."""
 
 DEPTH_LIMIT = 48
-"""Lists within lists; data sets nest five deep."""
+"""Deepest nesting of lists; data sets nest five deep."""
 
 PLAIN = {str, int, float, bytes, bool, type(None)}
 
@@ -33,8 +33,8 @@ INSTANCES = {f"{m}.{f}" for m in ("copy_reg", "copyreg") for f in ("_reconstruct
 """Functions that make an instance of the class that is their first argument."""
 
 DICT, PERSISTENT = "dict", "persistent id"
-"""Names for a dict whose keys are not yet known to be plain, and for a value that is kept outside
-of the pickle. No file can name them: the names in a file have a dot."""
+"""Our names for a dict with unchecked keys, and for a value stored outside the pickle. No file can
+name them, because all names in a file have a dot."""
 
 ARRAY_WRAPPER = "joblib.numpy_pickle.NumpyArrayWrapper"
 """In a joblib dump the bytes of an array stand in the file right after this object."""
@@ -49,7 +49,7 @@ class Name:
 
 @dataclass(eq=False)
 class Call:
-    """A call that a pickle asks for, with the state and the items that it sets on the result."""
+    """A recorded call of a pickle, with the state and the items that it sets on the result."""
 
     name: str
     args: tuple[Any, ...] | list[Any]
@@ -61,7 +61,7 @@ class Call:
 
 
 Rebuild = Callable[["Loader", Call], Any]
-"""Makes the value of a call; what its arguments cannot be ends in a ValueError or the like."""
+"""Builds the value of a call; wrong arguments raise ValueError or another error of `DAMAGE`."""
 
 
 class Loader:
@@ -87,7 +87,7 @@ class Loader:
             raise ValueError(f"asks for more than {SIZE_LIMIT / 2**30:g} GiB in all")
 
     def read(self, count: int) -> bytes:
-        """The next bytes of the file, of which there must be as many."""
+        """The next `count` bytes of the file; `InputError` where it ends before."""
         data = self.stream.read(count)
         if len(data) != count:
             raise self.truncated()
@@ -99,7 +99,7 @@ class Loader:
         return self.refuse(f"one that ends after {size} bytes (truncated or damaged)")
 
     def tree(self) -> Any:
-        """What the pickle at the present position holds, with its calls written down."""
+        """The content of the pickle at the current position, with its calls recorded, not run."""
         try:
             return Unpickler(self).load()
         except InputError:
@@ -116,7 +116,7 @@ class Loader:
             if isinstance(node, Name):
                 raise ValueError("is kept as a value")
             if id(node) not in self.done:
-                self.done[id(node)] = node, ...  # an id is good for as long as its object lives
+                self.done[id(node)] = node, ...  # holds the node, so that its id stays unique
                 self.done[id(node)] = node, self.built(node)
             if (value := self.done[id(node)][1]) is ...:
                 raise ValueError("holds itself")
@@ -146,14 +146,14 @@ PythonUnpickler: Any = pickle._Unpickler  # joblib builds on it too
 
 
 class Unpickler(PythonUnpickler):
-    """Python's unpickler, which calls nothing and makes nothing that is out of bounds."""
+    """Python's unpickler, which records calls instead of running them, and counts what it makes."""
 
     def __init__(self, loader: Loader) -> None:
         super().__init__(loader.stream, encoding="latin1")
         self.loader = loader
 
     def load(self) -> Any:
-        """What the pickle holds; the base's loop, with a limit and without its buffer of frames."""
+        """The content: the loop of the base class with a step limit, and without frame buffers."""
         self.read, self.readline = self.loader.stream.read, self.loader.stream.readline
         self.metastack, self.stack = [], []
         self.append = self.stack.append
@@ -167,19 +167,19 @@ class Unpickler(PythonUnpickler):
         raise self.loader.refuse(f"one of more than {STEP_LIMIT} steps")
 
     def find_class(self, module: str, name: str) -> Name:
-        """A name, when it is one that can be rebuilt."""
+        """A name on the allow-list; all others are refused."""
         text = f"{module}.{name}"
         if "." in name or not (text in self.loader.known or text in INSTANCES):
             raise self.loader.refuse(f"one that names {text[:80]!r}")
         return Name(text)
 
     def persistent_load(self, pid: Any) -> Call:
-        """Something that is kept outside of the pickle."""
+        """A recorded reference to a value stored outside of the pickle."""
         self.loader.stored.append(stored := Call(PERSISTENT, (pid,)))
         return stored
 
     def _instantiate(self, kind: Any, args: Any) -> None:
-        """Write a call down; where a function makes an instance, the call of the class."""
+        """Record a call; for a function of `INSTANCES`, the call of the class that it makes."""
         if not isinstance(kind, Name) or not isinstance(args, tuple | list):
             raise TypeError("calls what is no function")
         if kind.text in INSTANCES:
@@ -188,7 +188,7 @@ class Unpickler(PythonUnpickler):
             self.append(Call(kind.text, args))
 
     def load_reduce(self) -> None:
-        """Write the call of a function or class with a tuple of arguments down."""
+        """Record the call of a function or class with a tuple of arguments."""
         args = self.stack.pop()
         self._instantiate(self.stack.pop(), args)
 
@@ -202,7 +202,7 @@ class Unpickler(PythonUnpickler):
             self.loader.value(target)
 
     def load_empty_dict(self) -> None:
-        """A dict is a call too, so that no key is hashed yet."""
+        """Record a dict as a call, so that no key is hashed yet."""
         self.append(Call(DICT, ()))
 
     def load_dict(self) -> None:
@@ -216,7 +216,7 @@ class Unpickler(PythonUnpickler):
         self.loader.read(8)
 
     def refuse_opcode(self) -> None:
-        """An opcode that plain arrays do not need."""
+        """Refuse an opcode that plain arrays do not need."""
         self.loader.stream.seek(-1, SEEK_CUR)
         first = self.loader.stream.tell() == 0
         code = self.loader.read(1)
@@ -238,11 +238,11 @@ READ_AS = dict(zip(b"\x8f\x90\x91\x96", b"]el\x8e", strict=True))
 """Sets are read as lists, which need no hash, and byte arrays as bytes."""
 
 COUNTED = b")t\x85\x86\x87]l}d\x8f\x91c\x93R\x81ioQpqr\x94"
-"""Opcodes that take memory of their own: containers, names, calls, and what is kept to recall."""
+"""Opcodes that allocate memory: for containers, names, calls and memo entries."""
 
 
 def _counted(load: Load) -> Load:
-    """The same opcode, refused where a file has too many like it."""
+    """The same opcode, counted and refused beyond `OBJECT_LIMIT`."""
 
     def load_counted(self: Unpickler) -> None:
         self.loader.objects += 1

@@ -1,4 +1,4 @@
-"""The bytes of files that others wrote: not too many, and one sentence where they cannot be had."""
+"""Read the bytes of foreign files, up to a limit; every failure is an `InputError`."""
 
 import csv
 import lzma
@@ -17,7 +17,7 @@ from typing import TextIO
 from geneoh.errors import ConfigError, InputError
 
 SIZE_LIMIT = 2**30
-"""Bytes of one file, and of all arrays that are made of it: an hour of two hands takes half."""
+"""Most bytes of one file, and of all arrays made from it; an hour of two hands takes half."""
 
 BUDGET_VARIABLE, BUDGET = "GENEOH_MAX_BYTES", 2 * 10**9
 """Environment variable with the memory that reading one npz may take in bytes, and its default."""
@@ -27,8 +27,8 @@ DAMAGE = (
     *(RuntimeError, SyntaxError, TypeError, ValueError, csv.Error, lzma.LZMAError, struct.error),
     *(pickle.UnpicklingError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
-"""What a damaged file makes the readers of Python and numpy raise; numpy, for one, reads the header
-of an array as Python's literals."""
+"""Exceptions of Python's and numpy's readers for damaged files; numpy, for one, parses the header
+of an array as Python literals."""
 
 HEAD = 200
 """Bytes at the start of a file that tell what it is."""
@@ -39,12 +39,12 @@ STAND_INS = (
         "a web page; give the file itself, which some servers send only to users who are logged in",
     ),
 )
-"""Files that are often there instead of the real one: how they begin, in small letters, and what is
-said of them."""
+"""Files that often stand in for the real one: their first bytes in lower case, and the words that
+describe them in a message."""
 
 
 def reason(error: Exception) -> str:
-    """What such an error says, in few words."""
+    """The text of an error of `DAMAGE`, shortened, with its type unless that is ValueError."""
     said = " ".join(str(error).split())[:100]
     return said if type(error) is ValueError else f"{type(error).__name__}: {said}"
 
@@ -72,7 +72,7 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
 
 
 def open_text(path: Path, limit: int) -> TextIO:
-    """A text file without the mark that Excel begins UTF-8 with; `InputError` as `read_bytes`."""
+    """A text file, without the byte order mark that Excel writes; `InputError` as `read_bytes`."""
     try:
         refuse_large(path, limit)
         refuse_stand_in(path, head_of(path))
@@ -120,7 +120,7 @@ def head_of(path: Path) -> bytes:
 
 
 def refuse_stand_in(path: Path, head: bytes) -> None:
-    """Raise where a file's head shows a pointer to the real one, or the page of its download."""
+    """Raise where the first bytes show a Git LFS pointer or a web page instead of the file."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     for starts, words in STAND_INS:
         if start.startswith(starts):
@@ -128,7 +128,7 @@ def refuse_stand_in(path: Path, head: bytes) -> None:
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """The error for a file that the system does not give."""
+    """The error for a file that the operating system does not let us read."""
     if isinstance(error, FileNotFoundError):
         return InputError(f"{path}: no such file; check the path")
     cure = "check the path"

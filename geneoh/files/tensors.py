@@ -14,33 +14,33 @@ from geneoh.errors import shortened
 from geneoh.files.atomic import write_whole
 
 MESSAGE = 200
-"""Longest part of a message that may repeat what a damaged file holds, characters."""
+"""Most characters of a message that are quoted from a damaged file."""
 
 
 class DamagedTensorsError(ValueError):
-    """A file is no safetensors file with a record, or its reader does not find what it needs."""
+    """A file is no safetensors file with a record, or lacks an entry that its reader needs."""
 
 
 def write_tensors(
     path: Path, tensors: Mapping[str, Tensor], record: Mapping[str, Any], *, parents: bool = False
 ) -> None:
-    """Write a file in one step; `parents` makes its folder.
+    """Write tensors and record to a file in one step; with `parents`, make its folder.
 
     Raises:
         InputError: the place cannot be written to.
     """
     held = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    # one entry: safetensors writes several in no fixed order
+    # one metadata entry, because safetensors writes several in no fixed order
     write_whole(path, save(held, metadata={"record": json.dumps(record)}), parents=parents)
 
 
 @contextmanager
 def opened_tensors(path: Path) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """A file, of which tensors are mapped when they are asked for, and its record.
+    """An opened file, which maps tensors into memory on access, and its record.
 
     Raises:
-        DamagedTensorsError: the file is damaged, or the block finds it to be, by any error of a
-            lookup, a type or a value.
+        DamagedTensorsError: the file is damaged, or the block raises an error of a lookup, a type
+            or a value, which counts as damage of the file.
         OSError: the file cannot be read.
     """
     try:

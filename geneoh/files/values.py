@@ -1,7 +1,7 @@
-"""Foreign files of arrays by what they are: pickle, npy, npz, checkpoint or joblib.
+"""Read arrays that other programs wrote: pickle, npy, npz, torch checkpoint or joblib.
 
-The kind is told by the first bytes, not by the file's ending. Every problem of a file is an
-`InputError`; nothing in it is run.
+The first bytes of a file decide its kind, not its ending. Every problem of a file is an
+`InputError`; no code in it is run.
 """
 
 import bz2
@@ -27,14 +27,14 @@ DECOMPRESSORS = (
     ((b"BZh",), bz2.BZ2Decompressor),
     ((b"\xfd7zXZ", b"\x5d\x00\x00"), partial(lzma.LZMADecompressor, memlimit=2**28)),
 )
-"""How compressed files begin, and what unpacks them."""
+"""First bytes of compressed files, and their decompressors."""
 
 
 def read_values(path: Path) -> Any:
-    """What a file of any of these kinds holds, with numpy arrays for all arrays and tensors.
+    """The content of a file of any of these kinds, with arrays and tensors as numpy arrays.
 
-    An npz comes as a dict by name; arrays without axes that hold one object come as that object.
-    `InputError` for files that are damaged, too large, or name what is no array or tensor.
+    An npz becomes a dict by name; a zero-dimensional array of one object becomes that object.
+    `InputError` for files that are damaged, too large, or name a class that is no array or tensor.
     """
     data = read_bytes(path)
     try:
@@ -63,20 +63,20 @@ def decode(data: bytes, file: str) -> Any:
 
 
 def decode_pickle(data: bytes, file: str) -> Any:
-    """One pickle, also one of joblib."""
+    """The value of one pickle, also of joblib."""
     loader = Loader(data, file, KNOWN)
     return loader.value(loader.tree())
 
 
 def decode_objects(data: bytes, file: str) -> Any:
-    """The array of objects behind the header of an npy; without axes, the object itself."""
+    """The array of objects after an npy header; the object itself where it has no axes."""
     value = decode_pickle(data, file)
     only = isinstance(value, np.ndarray) and value.dtype.hasobject and value.ndim == 0
     return value.item() if only else value
 
 
 def _unpacked(data: bytes, file: str) -> bytes:
-    """A pickle out of its compression, as joblib and others write it."""
+    """A pickle, decompressed where joblib or another program compressed it."""
     made: Any = next((made for starts, made in DECOMPRESSORS if data.startswith(starts)), None)
     if made is None:
         return data

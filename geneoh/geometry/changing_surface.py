@@ -15,9 +15,9 @@ from geneoh.geometry.solid import winding_inside, winding_of
 
 @dataclass(frozen=True)
 class ChangingSurface(Bundle):
-    """A mesh over T frames; its faces look outward, and small holes count as closed.
+    """A deforming mesh over T frames with outward faces; small holes count as closed.
 
-    Nothing is kept between queries: search trees are made in the frames that need them alone.
+    Nothing is cached between queries: search trees are built only in the frames that need them.
     """
 
     verts: Float[Tensor, "T V 3"]
@@ -28,9 +28,9 @@ class ChangingSurface(Bundle):
         return ChangingSurface(mirror_points(self.verts), mirror_faces(self.faces))
 
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
-        """Distance, closest point and normal for points inside the mesh of their frame.
+        """Signed distance, closest point and normal of points inside the mesh of their frame.
 
-        A point outside is infinitely far, its own closest point, and has no normal.
+        A point outside gets distance infinity, itself as closest point, and a zero normal.
         """
         distance = torch.full_like(points[..., 0], torch.inf)
         closest, normal = points.clone(), torch.zeros_like(points)
@@ -57,7 +57,7 @@ class ChangingSurface(Bundle):
         points: Float[Tensor, "N 3"],
         direction: Float[Tensor, "N 3"],
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
-        """As those of `geneoh.geometry.distance.MovingSurface`."""
+        """As `geneoh.geometry.distance.MovingSurface.exits`."""
         reach, normal = points.new_full((len(points),), torch.inf), direction.clone()
         for each in frame.unique().tolist():
             at = frame == each

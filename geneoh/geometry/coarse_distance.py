@@ -1,4 +1,4 @@
-"""A grid of distances around a mesh, which tells at once which points are far from its surface."""
+"""A grid of signed distances around a mesh, to find quickly which points are far from it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
 CELLS = 16384
-"""Most cells of a grid. More tell more points, but take longer to make."""
-SURE = 0.99  # below 1, because distances are rounded
+"""Approximate number of cells. More cells decide more points, but take longer to compute."""
+SURE = 0.99  # safety factor, because distances are rounded
 MARGIN = 0.01  # metres by which the grid is larger than the mesh on every side
 
 Found = tuple[Float64[Tensor, " N"], Float64[Tensor, "N 3"], Float64[Tensor, "N 3"]]
@@ -17,7 +17,7 @@ Found = tuple[Float64[Tensor, " N"], Float64[Tensor, "N 3"], Float64[Tensor, "N 
 
 @dataclass(frozen=True)
 class CoarseDistance:
-    """Signed distance and closest point of the middle of each cell of a grid, in metres."""
+    """Signed distance and closest surface point of each cell centre of a grid, metres."""
 
     low: Float64[Tensor, " 3"]
     cell: float  # length of the edges of a cell
@@ -40,11 +40,11 @@ class CoarseDistance:
         return cls(low, cell, distance.reshape(middles.shape[:-1]), closest.reshape(middles.shape))
 
     def at_least(self, points: Float64[Tensor, "N 3"]) -> Found:
-        """A lower bound of the signed distance of finite points, and about where the surface is
-        closest and the normal there.
+        """A lower bound of the signed distance of finite points, and approximate closest points
+        and normals.
 
-        The distance changes by no more than the way from the middle of the nearest cell. Closest
-        point and normal are those of that middle, seen from the point.
+        Signed distance changes by at most the way from the nearest cell centre to the point. The
+        closest point is that of this centre, and the normal points from there to the point.
         """
         cell, away = self._nearest(points)
         closest = self.closest[cell]
@@ -54,11 +54,11 @@ class CoarseDistance:
     def is_inside(
         self, points: Float64[Tensor, "N 3"], distance: Float64[Tensor, " N"]
     ) -> tuple[Bool[Tensor, " N"], Bool[Tensor, " N"]]:
-        """Whether points are inside of a closed mesh, and for which of them this is sure.
+        """Whether points are inside a closed mesh, and for which of them this is certain.
 
-        `distance` is theirs to the surface, without a sign. No surface is nearer than that to a
-        point, nor nearer to the middle of its cell than that one's distance: where the two balls
-        meet, there is no surface between point and middle.
+        `distance` is their unsigned distance to the surface. The balls around a point and around
+        the centre of its cell, with their distances as radii, hold no surface: where the balls
+        overlap, point and centre are on the same side.
         """
         cell, away = self._nearest(points)
         signed = self.distance[cell]
@@ -67,7 +67,7 @@ class CoarseDistance:
     def _nearest(
         self, points: Float64[Tensor, "N 3"]
     ) -> tuple[tuple[Int[Tensor, " N"], ...], Float64[Tensor, " N"]]:
-        """The cell whose middle is nearest to each point, and how far that is."""
+        """The cell whose centre is nearest to each point, and the distance of that centre."""
         last = torch.tensor(self.distance.shape) - 1
         index = ((points - self.low) / self.cell).long().clamp(min=0).minimum(last)
         middle = self.low + (index + 0.5) * self.cell

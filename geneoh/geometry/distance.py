@@ -1,8 +1,8 @@
-"""Signed distance to meshes: exact on the triangles, signed by the winding number, in batches.
+"""Signed distance to meshes: exact distance to the triangles, sign by the winding number, batched.
 
-Search trees and their answers are libigl's, on the CPU in float64; queries take points of any
-device and answer in their type and on their device. Points on a GPU are searched there, in float32,
-where NVIDIA Warp is installed (extra `gpu`).
+libigl searches on the CPU in float64; queries take points of any dtype and device, and return
+results of the same. Points on a GPU are searched there in float32, where NVIDIA Warp is installed
+(extra `gpu`).
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.solid import Solid, as_arrays, build_solid
 
-ON_SURFACE = 1e-7  # metres below which the direction to the surface is noise: its normal is used
+ON_SURFACE = 1e-7  # metres below which the direction to the surface is noise: use its normal
 NEARLY_ON = 1e-5  # the same in float32
 WARP = find_spec("warp") is not None  # whether a GPU can search surfaces
 
@@ -30,7 +30,7 @@ WARP = find_spec("warp") is not None  # whether a GPU can search surfaces
 def pairwise_distances(
     points: Float[Tensor, "*#B P D"], others: Float[Tensor, "*#B N D"]
 ) -> Float[Tensor, "*B P N"]:
-    """Distance of every point to every other one, exact far from the origin too.
+    """Distance of every point to each of `others`, accurate also far from the origin.
 
     The matrix product that `torch.cdist` takes by default is off by a millimetre at two metres.
     """
@@ -39,7 +39,7 @@ def pairwise_distances(
 
 @dataclass(frozen=True)
 class SurfaceQuery:
-    """Distance, closest surface point and normal for each of some points, in their frame."""
+    """Signed distance, closest surface point and normal of query points, in their frame."""
 
     distance: Float[Tensor, "*B P"]  # metres, negative inside
     closest: Float[Tensor, "*B P 3"]
@@ -47,16 +47,16 @@ class SurfaceQuery:
 
 
 def _query(points: Tensor, distance: Tensor, closest: Tensor, normal: Tensor) -> SurfaceQuery:
-    """Answers for N points in a row, as those of the points that were asked for."""
+    """Results for N flattened points in the shape, dtype and device of the query points."""
     closest, normal = (value.to(points).reshape(points.shape) for value in (closest, normal))
     return SurfaceQuery(distance.to(points).reshape(points.shape[:-1]), closest, normal)
 
 
 class SearchTree:
-    """The boxes around the faces of a mesh, in which the nearest and those on rays are found."""
+    """A bounding volume hierarchy of a mesh, for closest points and ray intersections."""
 
     def __init__(self, mesh: Mesh) -> None:
-        """Build them."""
+        """Build the hierarchy."""
         self._mesh, self._boxes = as_arrays(mesh), igl.AABB()
         self._boxes.init(*self._mesh)
 
@@ -71,8 +71,8 @@ class SearchTree:
     def first_hit(
         self, origin: Float64[np.ndarray, "N 3"], direction: Float64[np.ndarray, "N 3"]
     ) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"]]:
-        """Metres along each ray of unit direction to the first face it meets, and its index; else
-        infinite and -1."""
+        """Distance along each ray of unit direction to the first face that it meets, metres, and
+        the index of that face; infinity and -1 where it meets none."""
         face, reach, _ = self._boxes.intersect_ray_first(*self._mesh, origin, direction)
         face = np.asarray(face, dtype=np.int64)
         return np.where(face < 0, np.inf, reach), face
@@ -80,7 +80,7 @@ class SearchTree:
     def exits(
         self, points: Float[Tensor, "N 3"], direction: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Int[Tensor, " N"]]:
-        """As `first_hit`, of tensors; where a ray meets no face, any one is named."""
+        """As `first_hit`, for tensors; where a ray meets no face, the index is arbitrary."""
         rays = (values.cpu().double().numpy() for values in (points, direction))
         reach, face = map(torch.from_numpy, self.first_hit(*rays))
         return reach.to(points), face.clamp(min=0)
@@ -88,36 +88,36 @@ class SearchTree:
 
 @lru_cache(maxsize=2)
 def solid_with_tree(mesh: Mesh) -> tuple[Solid, SearchTree]:
-    """A mesh as a solid with the tree of its surface, kept because the smoothing of an
-    object's track, the hand, the page of the result and the next clip ask for the same again."""
+    """A mesh as a solid with the tree of its surface; cached, because several steps of a cleaning
+    and the next clip use the same mesh."""
     solid = build_solid(mesh)
     return solid, SearchTree(solid.surface)
 
 
 class SurfaceDistance:
-    """Signed distance to one mesh, in its own frame; the search trees are built once and kept.
+    """Signed distance to one mesh, in the frame of the mesh; the search trees are built once.
 
-    The mesh is taken as a solid (see `solid.py`): holes and several shells are fine, open sheets
-    get a wall of 2 mm, so that nothing is deeper than 1 mm in one of those.
+    The mesh is taken as a solid (see `solid.py`): holes and several shells are fine. Open sheets
+    get a wall of 2 mm, so that the penetration depth in them is at most 1 mm.
     """
 
     def __init__(self, mesh: Mesh) -> None:
         """Build the trees; seconds for 100,000 triangles and more."""
         self.mesh = mesh
-        # of a copy, because a caller may change the numbers of a mesh in place
+        # a copy, because a caller may change the mesh in place
         kept = Mesh(mesh.verts.detach().cpu().clone(), mesh.faces.cpu().clone(), mesh.source)
         self.solid, self.tree = solid_with_tree(kept)
         self._normals = self.solid.surface.face_normals()
         self._on_devices: dict[torch.device, Any] = {}
         self._coarse: CoarseDistance | None = None
-        self._asked = 0  # points so far for which a grid would have been of use
+        self._asked = 0  # points so far that a grid could have answered
 
     def query(self, points: Float[Tensor, "*B P 3"], within: float | None = None) -> SurfaceQuery:
         """Signed distance, closest point and normal of each point, without gradients.
 
-        Points that are not finite get a distance that is not finite. Points that are easily seen to
-        be farther than `within` metres outside of the mesh get a distance above `within` that is
-        never above the true one, and a closest point and a normal that are roughly right.
+        Points that are not finite get a distance that is not finite. With `within`, the distance of
+        points farther than that outside the mesh may be a lower bound, itself above `within`, and
+        their closest point and normal approximate.
         """
         if points.is_cuda and WARP:
             return self.query_on(points.device, points, within)
@@ -141,7 +141,7 @@ class SurfaceDistance:
     def query_on(
         self, device: torch.device, points: Float[Tensor, "*B P 3"], within: float | None = None
     ) -> SurfaceQuery:
-        """As `query`, searched on a device by NVIDIA Warp, in float32, wherever points are."""
+        """As `query`, by NVIDIA Warp on `device` in float32; points may be on another device."""
         from geneoh.geometry.warp_distance import WarpField  # seconds to import
 
         if device not in self._on_devices:
@@ -158,17 +158,17 @@ class SurfaceDistance:
     def exits(
         self, points: Float[Tensor, "N 3"], direction: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
-        """Metres from points along unit directions to the surface, and its outward normal there.
+        """Distance along rays of unit direction to the surface, metres, and the outward normal.
 
-        The distance is infinite and the normal meaningless where the ray meets no surface.
+        Infinity and a meaningless normal where the ray meets no surface.
         """
         reach, face = self.tree.exits(points, direction)
         return reach, self._normals[face].to(points)
 
     def _coarse_distance(self, asked: int) -> CoarseDistance | None:
-        """The grid of coarse distances, which is made when it will be worth its time.
+        """The grid of coarse distances; None until so many queries were made that it pays off.
 
-        None for a mesh with holes, in which the sign changes away from the surface.
+        Always None for a mesh with holes, where the sign changes away from the surface.
         """
         self._asked += asked
         if self._coarse is None and self._asked > CELLS and self.solid.closed:
@@ -189,7 +189,7 @@ class SurfaceDistance:
     def _contains(
         self, points: Float[Tensor, "N 3"], distance: Float[Tensor, " N"]
     ) -> Bool[Tensor, " N"]:
-        """Whether points at some distances from the surface are inside."""
+        """Whether each point is inside; `distance` is its unsigned distance to the surface."""
         if self._coarse is None:
             return self.solid.contains(points)
         inside, sure = self._coarse.is_inside(points, distance)
@@ -215,7 +215,7 @@ class MovingSurface:
             yield field, Rigid(self.rotation[:, part], self.translation[:, part])
 
     def pose(self, frame: Int[Tensor, "*#N"], part: Int[Tensor, "*#N"]) -> Rigid:
-        """Pose in the world of the given part in the given frame, for each pair of them."""
+        """Pose in the world of each pair of a frame and a part."""
         return Rigid(self.rotation[frame, part], self.translation[frame, part])
 
     def at(self, frames: Int[Tensor, " N"] | slice) -> "MovingSurface":
@@ -229,7 +229,7 @@ class MovingSurface:
         return replace(self, fields=fields, rotation=rotation, translation=translation)
 
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
-        """Distance in each frame to the part with the least signed distance."""
+        """Signed distance in each frame to the part with the least one, in the world frame."""
         found = []
         for field, pose_world_part in self.parts:
             local = field.query(pose_world_part.inverse().apply(points), self.within)
@@ -258,9 +258,9 @@ class MovingSurface:
         points: Float[Tensor, "N 3"],
         direction: Float[Tensor, "N 3"],
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
-        """Metres from points inside, along unit directions, to the surface, and its normal there.
+        """Distance from inner points along rays of unit direction to the surface, and the normal.
 
-        Infinite, with the direction for a normal, where the ray meets no surface.
+        Metres and world frame. Infinity, and the direction as normal, where a ray meets no surface.
         """
         reach, normal = points.new_full((len(points),), torch.inf), direction
         for part, field in enumerate(self.fields):

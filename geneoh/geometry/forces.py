@@ -1,4 +1,4 @@
-"""Forces through contacts: friction cones, and how much of a wanted wrench they can bear.
+"""Forces through contacts: friction cones, and how much of a required wrench they can bear.
 
 A wrench is a force and a torque, side by side.
 """
@@ -12,7 +12,7 @@ from torch import Tensor
 EDGES = 6  # forces that span a friction cone
 STEPS = 100  # of projected gradient descent on the forces
 PRESSURE_COST = 1e-3
-"""Of the squared forces, against the squared wrench that they leave: bounds what contacts press."""
+"""Weight of the squared forces against the squared residual wrench; it bounds the forces."""
 
 
 def friction_cones(
@@ -25,15 +25,15 @@ def friction_cones(
 ) -> Float[Tensor, "*B P E 6"]:
     """Wrenches on an object along the edges of the friction cone of each contact.
 
-    Each presses with one newton along the normal. The pyramid lies inside its cone.
+    Each has one newton along the inward normal. The pyramid of the edges lies inside the cone.
 
     Args:
-        arms: from the point about which torques are taken to the contacts, metres.
+        arms: vectors from the centre of the torques to the contacts, metres.
         normals: unit normals of the object's surface there, outward.
         friction: coefficient of friction.
         edges: number of edges E of each pyramid.
-        patch: torque about the normal that a soft contact bears per newton of pressure, metres;
-            the edges take turns in its direction.
+        patch: torque about the normal that a soft contact bears per newton of normal force,
+            metres; its sign alternates from edge to edge.
     """
     least = torch.nn.functional.one_hot(normals.abs().argmin(-1), 3).to(normals)
     aside = torch.linalg.cross(normals, least)
@@ -51,10 +51,10 @@ def friction_cones(
 def wrench_left(
     spanned: Float[Tensor, "*B K 6"], wanted: Float[Tensor, "*B N 6"], *, steps: int = STEPS
 ) -> Float[Tensor, "*B N 6"]:
-    """What is left of each wanted wrench by the best sum of K wrenches with no negative weight.
+    """Residual of each required wrench after the best sum of K wrenches with weights >= 0.
 
-    Accelerated projected gradient descent on the squared rest, with `PRESSURE_COST` on the weights.
-    Torques count against forces as they are; divide both by a length first.
+    Non-negative least squares by accelerated projected gradient descent, with `PRESSURE_COST` on
+    the squared weights. Newtons and newton metres count alike: divide torques by a length first.
 
     Source: Beck and Teboulle, A Fast Iterative Shrinkage-Thresholding Algorithm, 2009.
     """

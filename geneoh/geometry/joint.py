@@ -1,4 +1,4 @@
-"""Joints: how the second part of an object turns about a hinge of the first one, or slides."""
+"""Joints of objects of two parts: the second part turns about a hinge of the first, or slides."""
 
 import math
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from geneoh.errors import InputError
 from geneoh.geometry.rigid import Rigid, joint_poses
 
 FORM = "hinge:X,Y,Z:AX,AY,AZ[:DEGREES] or slide:AX,AY,AZ[:CENTIMETRES]"
-"""What the text of a joint looks like."""
+"""The form in which users write a joint."""
 UNITS = {"hinge": math.radians(1.0), "slide": 0.01}
-"""Radians in a degree and metres in a centimetre, in which ranges are told."""
+"""Radians per degree and metres per centimetre, the units of ranges in texts."""
 WIDEST = {"hinge": math.pi, "slide": 0.5}
 """Largest range, radians or metres."""
 
@@ -22,22 +22,22 @@ WIDEST = {"hinge": math.pi, "slide": 0.5}
 class Joint:
     """The joint of an object of two parts, in the frame of its meshes, metres and radians.
 
-    The second part is closed at 0, as it is modelled, and opens with its state: it turns about the
-    axis by the right-hand rule, or slides along it.
+    At state 0 the second part is closed, as modelled. With growing state it turns about the axis by
+    the right-hand rule, or slides along it.
     """
 
     axis: Float[Tensor, " 3"]  # a unit vector
-    pivot: Float[Tensor, " 3"]  # a point of a hinge's axis; of no use to a slide
+    pivot: Float[Tensor, " 3"]  # a point of a hinge's axis; unused by a slide
     slides: bool
-    most: float | None = None  # the state in which it is open; None where it is not told
+    most: float | None = None  # state when fully open; None where unknown
 
     @classmethod
     def read(cls, text: str) -> "Joint":
-        """The joint that a text of the form `FORM` tells.
+        """The joint that a text of the form `FORM` describes.
 
         Raises:
-            InputError: it is of another form, its axis has no direction, or its range is no number
-                above zero or too large.
+            InputError: the text has another form, the axis is zero, or the range is no positive
+                number or too large.
         """
         kind, *told = text.strip().split(":")
         points = {"hinge": 2, "slide": 1}.get(kind, 0)
@@ -56,11 +56,11 @@ class Joint:
 
     @property
     def kind(self) -> str:
-        """As texts name it."""
+        """The kind of joint, as texts name it."""
         return "slide" if self.slides else "hinge"
 
     def __str__(self) -> str:
-        """The text that `read` reads, rounded to what eyes can see."""
+        """The joint as a text for `read`, in four decimals."""
         places = [self.axis] if self.slides else [self.pivot, self.axis]
         words = [self.kind, *(",".join(f"{round(float(v), 4) + 0.0:g}" for v in p) for p in places)]
         return ":".join(words + ([] if self.most is None else [self.said(self.most)]))

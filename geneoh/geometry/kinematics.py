@@ -16,11 +16,11 @@ def tree_kinematics(
     """Positions of N points and the global rotations of the J joints among them, world frame.
 
     Args:
-        rotations: each joint's against its parent, the root's against the world.
+        rotations: rotation of each joint relative to its parent; the root's relative to the world.
         root: position of the root in the world, metres.
-        offsets: M = N - 1, each point but the root from its parent in the rest pose, metres.
-        parents: N indices, each lower than its own, -1 for the root, which is first. Points
-            beyond the J joints are ends of bones, such as fingertips.
+        offsets: rest offset of each point but the root from its parent, metres; M = N - 1.
+        parents: parent index of each of the N points, lower than its own; -1 for the root, which
+            comes first. Points beyond the J joints are ends of bones, such as fingertips.
     """
     turned, position = [rotations[..., 0, :, :]], [root]
     for point in range(1, len(parents)):

@@ -1,4 +1,4 @@
-"""Triangle meshes in metres: their checks, and the same surface tidied and welded."""
+"""Triangle meshes in metres: checks, removal of unused vertices, welding of equal vertices."""
 
 import hashlib
 import math
@@ -17,21 +17,21 @@ from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 
 WELD_TOLERANCE = 1e-6
-"""Side in metres of the cells within which vertices are one point of the surface. It does not grow
-with the mesh, because a single far vertex would then merge the whole object."""
+"""Side in metres of the grid cells whose vertices are merged. It does not grow with the mesh:
+otherwise one far vertex would merge the whole object."""
 
 LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
-"""Range of the longest side of an object that a hand holds, metres; outside of it the unit is
-probably wrong."""
+"""Range of the longest side of an object that a hand holds, metres; beyond it the unit is probably
+wrong."""
 
 METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}  # length of each unit in metres
 
 INCH = 0.0254  # metres; no option names it
 
-USUAL_OBJECT = 0.1  # longest side in metres of most held objects, to tell a likely unit
+USUAL_OBJECT = 0.1  # typical longest side in metres of a held object, to guess the unit
 
 TINY = 1e-30
-"""Length in float64 below which a vector has no direction; torch's own 1e-12 is a possible area."""
+"""Length in float64 below which a vector has no direction; torch's 1e-12 is a possible area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,25 +41,25 @@ class Mesh(Bundle):
     verts: Float[Tensor, "V 3"]
     faces: Int[Tensor, "F 3"]
     source: Path | None = None
-    """File that it was read from, absolute; None for a mesh that was made or changed."""
+    """Absolute path of the file it was read from; None for a mesh that was made or changed."""
     parts: tuple["Mesh", ...] = ()
-    """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
+    """The separate meshes of a file that holds several; `verts` and `faces` join them."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
-        """What equal meshes have in common."""
+        """A hash of sizes and file, which equal meshes share."""
         return hash((len(self.verts), len(self.faces), self.source))
 
     def __post_init__(self) -> None:
-        """Take arrays and lists."""
+        """Convert arrays and lists to tensors."""
         conform(self, "the mesh")
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the vertices as float32 and the faces as int64, by which a mesh is known again
-        whatever its file is called; of what `tidied` keeps."""
+        """SHA-256 of the `tidied` vertices as float32 and faces as int64, which identifies a mesh
+        whatever its file is called."""
         kept = tidied(self)
         digest = hashlib.sha256(kept.verts.detach().cpu().numpy().astype("<f4").tobytes())
         digest.update(kept.faces.cpu().numpy().astype("<i8").tobytes())
@@ -147,12 +147,12 @@ def size_warning(mesh: Mesh) -> str | None:
 
 
 def welded(mesh: Mesh) -> Mesh:
-    """The same surface with coincident vertices merged and the faces that this collapses removed.
+    """The same surface with coincident vertices merged and collapsed faces removed.
 
     The vertex array stays as it is; faces index the first of the merged vertices.
     """
     cells = np.rint(mesh.verts.detach().cpu().numpy().astype(np.float64) / WELD_TOLERANCE)
-    order = np.lexsort(cells.T)  # stable: within a place, the first vertex comes first
+    order = np.lexsort(cells.T)  # stable: within a cell, the first vertex comes first
     starts = np.ones(len(order), dtype=bool)
     starts[1:] = (np.diff(cells[order], axis=0) != 0).any(-1)
     first = np.empty_like(order)
@@ -172,7 +172,7 @@ def has_surface(mesh: Mesh) -> bool:
 
 
 def tidied(mesh: Mesh) -> Mesh:
-    """The same surface, in order, without faces that repeat a vertex and vertices of no face."""
+    """The same mesh in the same order, without unused vertices and faces that repeat a vertex."""
     kept = mesh.faces[~repeats_a_vertex(mesh.faces)]
     used, faces = torch.unique(kept, return_inverse=True)
     parts = tuple(tidied(part) for part in mesh.parts)

@@ -1,4 +1,4 @@
-"""Meshes out of files of every format, and out of what callers give for an object."""
+"""Read meshes from files of all supported formats, and from the arguments that callers pass."""
 
 import io
 from collections.abc import Iterable
@@ -36,15 +36,15 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
-    The nodes of a scene (GLB) are placed and joined to one mesh; where the scene holds several
-    meshes, `parts` has each of them. Textured OBJ files come with doubled vertices along the seams
-    of the texture, STL files with three vertices per face.
+    The nodes of a scene (GLB) are transformed and joined to one mesh; where the scene holds several
+    meshes, `parts` has each of them. Textured OBJ files have duplicated vertices along the seams of
+    the texture, STL files three vertices per face.
 
     Args:
         path: an OBJ, PLY, STL, OFF or GLB file.
-        unit: of its vertices; the mesh itself is in metres.
-        tidy: leave out vertices without a face, and faces that repeat a vertex; False for data
-            sets that refer to vertices by their number.
+        unit: unit of the file; the mesh itself is in metres.
+        tidy: leave out vertices without a face, and faces that repeat a vertex; pass False for
+            data sets that refer to vertices by index.
 
     Raises:
         InputError: not a readable mesh, or one without a surface.
@@ -69,9 +69,10 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
 
 
 def plain_obj(path: Path) -> Mesh | None:
-    """What trimesh makes of an OBJ file of comments, points and triangles; None for other files.
+    """The mesh of an OBJ file with only comments, vertices and triangles, else None.
 
-    To import trimesh takes more time than to read the file, which is most often such a one.
+    Most files are of this kind, and importing trimesh takes longer than reading one of them. The
+    mesh equals that of trimesh.
     """
     if path.suffix.lower() != ".obj":
         return None
@@ -84,11 +85,11 @@ def plain_obj(path: Path) -> Mesh | None:
         not_whole = corners.translate(None, b"0123456789 \r\n")
         if not points or not corners or not_whole or any(map(bytes.strip, others)):
             return None
-        # of a list of lines numpy decodes each by itself
+        # one stream, because numpy decodes the lines of a list one by one, which is slow
         verts = np.loadtxt(io.BytesIO(points), np.float64, None, ndmin=2).astype(np.float32)
         faces = np.loadtxt(io.BytesIO(corners), np.int64, None, ndmin=2) - 1
     except (OSError, ValueError, OverflowError):
-        return None  # trimesh says what is wrong
+        return None  # trimesh reports what is wrong
     # trimesh leaves out vertices without a face
     every = np.array_equal(np.unique(faces), np.arange(len(verts)))
     if not every or verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
@@ -125,7 +126,7 @@ def by_trimesh(path: Path) -> Mesh:
 
 
 def loaded_scene(path: Path, data: bytes | None) -> "trimesh.Scene":
-    """What trimesh makes of a file, or of the bytes that it is to read instead."""
+    """The trimesh scene of a file, or of the bytes `data` that replace its content."""
     with interrupts_wait():
         import trimesh
 
@@ -140,9 +141,9 @@ def loaded_scene(path: Path, data: bytes | None) -> "trimesh.Scene":
 
 
 def without_lids(path: Path, data: bytes | None, scene: "trimesh.Scene") -> Mesh | None:
-    """The mesh of an OBJ or ASCII PLY file of which trimesh cuts a face outside of its outline.
+    """The mesh of an OBJ or ASCII PLY file with a concave face that trimesh would cut wrongly.
 
-    None for all other files. `data` is what trimesh read instead of the file.
+    None for all other files. `data` are the bytes that trimesh read instead of the file, if any.
     """
     is_obj = path.suffix.lower() == ".obj"
     outlines = obj_polygons(data or path.read_bytes()) if is_obj else ply_polygons(scene)
@@ -169,11 +170,11 @@ class ForeignMesh(Protocol):
 
 OneMesh = Mesh | ForeignMesh | Path | str
 MeshInput = OneMesh | Iterable[OneMesh] | None
-"""What callers give for an object: a mesh, its file, or one of these for each rigid part."""
+"""The meshes of an object as an argument: a mesh, its file, or one of these per rigid part."""
 
 
 def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
-    """Meshes of a mesh, a file, or a list of both; None is no mesh, `unit` is that of the files."""
+    """The meshes of an argument; none for None. `unit` is the unit of files."""
     if given is None:
         return ()
     if isinstance(given, Mesh | ForeignMesh | Path | str) or not isinstance(given, Iterable):
@@ -182,7 +183,7 @@ def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
 
 
 def mesh_from(given: Any, unit: Unit) -> Mesh:
-    """One mesh, or that of a file; `InputError` for anything else."""
+    """A mesh as it is, or read from a file; `InputError` for anything else."""
     if isinstance(given, Mesh):
         return given
     if isinstance(given, Path | str):
@@ -203,9 +204,10 @@ def from_trimesh(shape: "trimesh.Trimesh") -> Mesh:
 
 
 def scene_parts(scene: "trimesh.Scene", path: Path) -> tuple[Mesh, ...]:
-    """The placed meshes of a GLB file that have a surface, in the file's order; none if it is one.
+    """The transformed meshes of a GLB file with several, in the file's order; else none.
 
-    A mesh of several materials is one. Meshes that stand in several places count each time.
+    Meshes without a surface are left out. The materials of one mesh are joined. A mesh that
+    several nodes use counts once for each node.
     """
     import trimesh
 
@@ -218,7 +220,7 @@ def scene_parts(scene: "trimesh.Scene", path: Path) -> tuple[Mesh, ...]:
     for shape in placed:
         name = shape.metadata["node"]
         above = scene.graph.transforms.parents.get(name)
-        # trimesh gives each material of a node a node of its own below it, NODE_ with six letters
+        # trimesh makes a child node for each material of a node, called NODE_ and six letters
         material = above != scene.graph.base_frame and name[:-6] == f"{above}_"
         nodes.setdefault(str(above) if material else name, []).append(shape)
     joined = [from_trimesh(trimesh.Scene(shapes).to_mesh()) for shapes in nodes.values()]

@@ -1,4 +1,4 @@
-"""Mesh files that trimesh would read as another mesh, or not at all."""
+"""Repairs of mesh files that trimesh would misread, or not read at all."""
 
 import codecs
 import json
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     import trimesh
 
 ZERO = re.compile(rb"^[ \t]*f[ \t](?:[^\n#]*[ \t])?0(?=[/\s]|\Z)", re.MULTILINE)
-"""A face of an OBJ file that has a point of number 0."""
+"""A face of an OBJ file with vertex index 0; OBJ indices start at 1."""
 BACKWARD = re.compile(rb"^[ \t]*f\b.*-", re.MULTILINE)
 UNUSUAL = re.compile(rb"^[ \t]*[vf][^\n\t#]*[\t#][^\n]*|^[ \t]+[vf][^\n]*|\r(?!\n)", re.MULTILINE)
-"""A line of points or faces with indentation, tabs or a comment, or an end of lines of old Macs."""
+"""A vertex or face line with indentation, tabs or a comment, or a bare carriage return."""
 
 PLY_NUMBERS = {
     **dict.fromkeys((b"char", b"int8"), "b"),
@@ -32,7 +32,7 @@ PLY_NUMBERS = {
 
 
 def refuse_packed(data: bytes) -> None:
-    """Raise for a GLB whose points trimesh takes for zeros, or for whole numbers of metres."""
+    """Raise for a compressed or quantised GLB, as trimesh would read zeros or integers from it."""
     document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     packed = [name for name in document.get("extensionsRequired", ()) if "compression" in name]
     primitives = [each for mesh in document.get("meshes", ()) for each in mesh["primitives"]]
@@ -44,9 +44,9 @@ def refuse_packed(data: bytes) -> None:
 
 
 def rewritten(path: Path) -> bytes | None:
-    """What trimesh is to read instead of a file; None where it reads the file itself well.
+    """The bytes that trimesh should read instead of a file; None where it reads the file correctly.
 
-    Of an encoding other than UTF-8 trimesh asks a package that it does not install.
+    For encodings other than UTF-8, trimesh needs a package that it does not install.
     """
     kind, data = path.suffix.lower(), path.read_bytes()
     text = data
@@ -62,7 +62,7 @@ def rewritten(path: Path) -> bytes | None:
 
 
 def as_utf8(text: bytes) -> bytes:
-    """A text of UTF-8 as it is; one of another encoding with _ for bytes that are not ASCII."""
+    """UTF-8 text as it is; text of another encoding with _ for all bytes that are not ASCII."""
     try:
         text.decode()
     except UnicodeDecodeError:
@@ -72,12 +72,11 @@ def as_utf8(text: bytes) -> bytes:
 
 
 def obj_for_trimesh(path: Path, data: bytes) -> bytes:
-    """An OBJ file as trimesh reads it, where it would take this one for another mesh, or for none.
+    """An OBJ file rewritten where trimesh would misread it or fail.
 
-    Without the mark that some programs begin UTF-8 with, without indentation, tabs and comments
-    behind numbers, with ends of lines that it knows, and with faces that count their points from
-    the first: trimesh counts backward from the end of the file, and not from the face. It takes 0
-    for the last point: that is refused.
+    Removes a byte order mark, indentation, tabs and trailing comments, and unifies line ends.
+    Negative indices become positive: they count back from the face, but trimesh counts from the
+    end of the file. Raises `InputError` for index 0, which trimesh takes for the last vertex.
     """
     plain = data
     if data.startswith(codecs.BOM_UTF8) or is_unusual(data) or BACKWARD.search(data):
@@ -103,21 +102,22 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
 
 
 def is_unusual(data: bytes) -> bool:
-    """Whether an OBJ file has an unusual line; most have marks of one in their heading at most."""
+    """Whether an OBJ file has a line as `UNUSUAL`; the costly search covers only the heading where
+    the rest has no character of such a line."""
     heading, _, rest = data.partition(b"\nv ")
     marked = any(mark in rest for mark in (b"#", b"\t", b"\r", b"\n "))
     return bool(UNUSUAL.search(data if marked else heading + b"\n"))
 
 
 def told_plainly(line: re.Match[bytes]) -> bytes:
-    """A line without what trimesh does not read."""
+    """A line without comment, tabs and indentation, which trimesh does not read."""
     return line[0].partition(b"#")[0].replace(b"\t", b" ").lstrip()
 
 
 def binary_ply_as_text(data: bytes) -> bytes | None:
-    """Points and faces of a binary PLY file as text; None for other files, and for damaged ones.
+    """A binary PLY file as ASCII PLY; None for other files, and for damaged ones.
 
-    Of binary files trimesh reads those whose faces have as many corners.
+    trimesh reads binary PLY only where all faces have the same number of corners.
     """
     head = re.match(rb"ply\b.*?end_header\r?\n", data, re.DOTALL)
     order = re.search(rb"format binary_(little|big)_endian", head[0]) if head else None
@@ -148,7 +148,7 @@ def binary_ply_as_text(data: bytes) -> bytes | None:
 def ply_row(
     data: bytes, at: int, kinds: list[list[bytes]], order: str
 ) -> tuple[dict[bytes, Any], int]:
-    """The properties of one element of a binary PLY file by name, and where the next one begins."""
+    """Properties of one element of a binary PLY file by name, and the offset of the next one."""
     row: dict[bytes, Any] = {}
     for *kind, name in kinds:
         codes = [PLY_NUMBERS[each] for each in kind if each != b"list"]
@@ -164,15 +164,15 @@ def ply_row(
 
 
 def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:
-    """Refuse a PLY or OFF file of text that has fewer lines than it says, as its copy broke off.
+    """Refuse a truncated ASCII PLY or OFF file, with fewer lines than its header declares.
 
-    Of these trimesh reads what is there; it refuses binary files of another length by itself.
+    trimesh would read the part that is there; it refuses truncated binary files by itself.
     """
     for shape in scene.geometry.values():
         elements = shape.metadata.get("_ply_raw", {})
         for name in {"vertex", "face"} & elements.keys():
             data = elements[name].get("data")
-            if isinstance(data, dict):  # of a text
+            if isinstance(data, dict):  # of an ASCII file
                 refuse_fewer(path, len(next(iter(data.values()))), elements[name]["length"], name)
     if path.suffix.lower() == ".off":
         text = re.sub(rb"#.*", b"", path.read_bytes()).partition(b"OFF")[2]
@@ -181,7 +181,7 @@ def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:
 
 
 def refuse_fewer(path: Path, found: int, said: int, name: str) -> None:
-    """Refuse a file that holds fewer of some elements than it says."""
+    """Refuse a file that holds fewer elements of a kind than it declares."""
     if found < said:
         raise InputError(
             f"{path}: the file breaks off, it says {said} as its number of '{name}', got {found}; "
@@ -190,5 +190,5 @@ def refuse_fewer(path: Path, found: int, said: int, name: str) -> None:
 
 
 def from_first(index: bytes, count: int) -> bytes:
-    """An index of an OBJ file that may count backward from the last of so many points."""
+    """An OBJ index as a positive one; negative indices count back from the last of `count`."""
     return b"%d" % (count + 1 + int(index)) if index[:1] == b"-" else index

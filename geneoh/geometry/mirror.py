@@ -1,6 +1,6 @@
-"""The reflection x -> -x, by which a left hand becomes a right one and back, of tensors and arrays.
+"""The reflection x -> -x of tensors and arrays, which turns a left hand into a right one.
 
-Its own inverse, and exact: signs change and no digit does.
+It is its own inverse, and exact in floating point, because only signs change.
 """
 
 from typing import TypeVar
@@ -16,7 +16,7 @@ Array = TypeVar("Array", Tensor, np.ndarray)
 
 
 def mirror_signs(like: Array) -> Array:
-    """The signs of a mirrored point as a tensor or array (3,) of the type and place of another."""
+    """`MIRROR` as a tensor or array (3,) with the dtype and device of another one."""
     if isinstance(like, Tensor):
         return like.new_tensor(MIRROR)
     return np.array(MIRROR, dtype=like.dtype)
@@ -28,12 +28,12 @@ def mirror_points(points: Array) -> Array:
 
 
 def mirror_axis_angle(vectors: Array) -> Array:
-    """Axis-angle vectors (..., 3) in the mirror, which turns the sense of a rotation round."""
+    """Axis-angle vectors (..., 3) in the mirror, which reverses the sense of a rotation."""
     return vectors * -mirror_signs(vectors)
 
 
 def mirror_axes(axes: Float[Tensor, "B 3"], slides: Bool[Tensor, " B"]) -> Float[Tensor, "B 3"]:
-    """Axes of joints in the mirror: turns about an axis and its image are opposite, slides not."""
+    """Axes of joints in the mirror; a rotation reverses its sense, a translation does not."""
     return torch.where(slides[:, None], mirror_points(axes), mirror_axis_angle(axes))
 
 

@@ -1,4 +1,4 @@
-"""Edges of a surface, its openings, and how these are closed."""
+"""Edges of a mesh, its boundary loops, and two ways to close them."""
 
 import numpy as np
 import torch
@@ -25,9 +25,9 @@ def edges_of(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "E 2"]:
 
 
 def edge_keys(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "F 3"]:
-    """A number for the edge from corner i of each face to the next, alike in both directions.
+    """An integer key for the edge from corner i of each face to the next, in either direction.
 
-    One integer for each edge: sorting pairs is fifty times slower.
+    One integer for each edge, because sorting pairs is fifty times slower.
     """
     start, end = faces, faces.roll(-1, dims=-1)
     return torch.minimum(start, end) * (int(faces.max()) + 1) + torch.maximum(start, end)
@@ -36,8 +36,8 @@ def edge_keys(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "F 3"]:
 def rims(
     faces: Int[Tensor, "F 3"], rim: Bool[Tensor, "F 3"]
 ) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:
-    """The open edges, each from its start to its end, and the number of the opening each bounds;
-    `rim` is what `open_edges` tells of the faces."""
+    """The open edges, each from its start to its end, and the index of the opening that each
+    bounds; `rim` is the result of `open_edges`."""
     edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1)
     if not len(edges):
         return edges, edges[:, 0]
@@ -46,7 +46,7 @@ def rims(
 
 
 def connected(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " V"]:
-    """The number of the connected piece that each vertex belongs to, up to the last in an edge."""
+    """Index of the connected component of each vertex, up to the highest vertex of an edge."""
     start, end = edges.cpu().int().numpy().T  # scipy before 1.12 takes 32 bits only
     size = int(edges.max()) + 1
     links = coo_array((np.ones(len(start)), (start, end)), (size, size))
@@ -57,10 +57,10 @@ def connected(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " V"]:
 def capped(
     verts: Float[Tensor, "*B V 3"], faces: Int[Tensor, "F 3"]
 ) -> tuple[Float[Tensor, "*B W 3"], Int[Tensor, "G 3"]]:
-    """The mesh with each opening closed by a fan around the middle of its rim, an added vertex.
+    """The mesh with each opening closed by a triangle fan around the mean of its rim.
 
-    It closes the wrist of a MANO hand in the same way as TOCH. Every opening is closed, so it suits
-    solids with holes, not sheets.
+    It closes the wrist of a MANO hand as TOCH does. It suits solids with holes, not open sheets,
+    because it closes every opening.
     """
     edges, opening = rims(faces, open_edges(faces))
     if not len(edges):
@@ -77,8 +77,9 @@ def capped(
 def thickened(mesh: Mesh, thickness: float = SHEET_THICKNESS) -> Mesh:
     """A closed wall around an open sheet: half the thickness to either side, joined at the rims.
 
-    The sheet's faces must share vertices and agree on a side. The wall is centred because the outer
-    side is unknown, and so that mirroring changes nothing. Unused vertices are dropped.
+    The sheet's faces must share vertices and have consistent orientation. The wall is centred,
+    because the outer side is unknown and the result must commute with mirroring. Unused vertices
+    are dropped.
     """
     sheet = tidied(mesh)
     faces = sheet.faces

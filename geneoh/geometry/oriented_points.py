@@ -5,10 +5,10 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 from torch import Tensor
 
-CANDIDATES = 6  # nearest points that may tell the distance
-WINDOW = 0.6  # how much farther than the nearest one another may be, in spacings of the points
-ASIDE = 1.3  # spacings from a point, along the surface, within which it tells the distance
-FAR = 1e3  # coordinate in metres of what is nowhere
+CANDIDATES = 6  # nearest points that may define the distance
+WINDOW = 0.6  # how much farther than the nearest point a candidate may be, in point spacings
+ASIDE = 1.3  # tangential distance, in point spacings, up to which a point stands for the surface
+FAR = 1e3  # coordinate in metres that stands for NaN
 
 
 def signed_to_points(
@@ -18,13 +18,13 @@ def signed_to_points(
     *,
     within: float,
 ) -> tuple[Float[Tensor, "N V"], Int[Tensor, "N V"]]:
-    """Distance to the surface in metres, negative inside, and the surface point that tells it.
+    """Signed distance to the surface in metres, negative inside, and the index of its point.
 
-    Of the nearest points the one that has the query farthest in front of it counts, so that the
-    other side of a thin wall says nothing, and the distance is that along its normal. A query that
-    is more aside of the point than in front of it or behind it is beside an edge: it is outside,
-    as far off as the point. From `within` metres on, and for NaN, the distance is infinite and the
-    point 0. Found on the CPU, by a tree of each set of points.
+    Among the nearest points, the one with the largest distance along its normal counts, so that
+    the far side of a thin wall is ignored. A query with a larger tangential than normal offset
+    lies beside an edge: it is outside, at its Euclidean distance from the point. Beyond `within`
+    metres, and for NaN, the distance is infinite and the index 0. Runs on the CPU, with one k-d
+    tree for each set of points.
     """
     distance = torch.full(query.shape[:2], torch.inf)
     index = torch.zeros(query.shape[:2], dtype=torch.long)
@@ -33,7 +33,7 @@ def signed_to_points(
     spacing = spacing_of(places)
     nearest = list(range(1, min(CANDIDATES, points.shape[1]) + 1))
     for i, tree in enumerate(map(KDTree, places.numpy())):
-        # scipy takes a list of ranks, of which its types know nothing
+        # scipy takes a list of ranks, but its type stubs do not
         asked = tree.query(queries[i].numpy(), nearest, distance_upper_bound=within)  # pyright: ignore
         apart, near = map(torch.from_numpy, asked)
         found = torch.nonzero(apart[:, 0].isfinite())[:, 0]
@@ -50,6 +50,6 @@ def signed_to_points(
 
 
 def spacing_of(points: Float[Tensor, "N P 3"]) -> Float[Tensor, " N"]:
-    """About how far points are from one another on the surface of the box around them, metres."""
+    """Approximate spacing of points spread evenly on the surface of their bounding box, metres."""
     x, y, z = (points.amax(1) - points.amin(1)).unbind(-1)
     return (2 * (x * y + y * z + z * x) / points.shape[1]).sqrt()

@@ -1,7 +1,7 @@
-"""Faces of more than three corners, cut into triangles within their outline.
+"""Triangulation of polygons with more than three corners, convex or concave.
 
-trimesh cuts them by lines from their first corner, which lie outside of a face that has a notch:
-the gap of a wrench gets a lid.
+trimesh makes a fan from the first corner, which leaves the outline of a concave face: the gap of
+a wrench would get a lid.
 """
 
 import re
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import trimesh
 
 Polygons = tuple[Int[np.ndarray, " C"], Int[np.ndarray, " P"]]
-"""The corners of all faces, one face after the other, and how many each has."""
+"""Vertex indices of all faces, one face after the other, and the number of corners of each."""
 OUTSIDE = 1e-3
-"""Share of a face's area beyond which it is cut outside of its outline: less may be rounding."""
+"""Share of a face's area that a fan may cover outside of the outline; less may be rounding."""
 
 
 def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
@@ -37,7 +37,7 @@ def obj_polygons(data: bytes) -> tuple[Float[np.ndarray, "V 3"], Polygons] | Non
 
 def ply_polygons(scene: "trimesh.Scene") -> tuple[Float[np.ndarray, "V 3"], Polygons] | None:
     """Points and faces of an ASCII PLY file that trimesh has read; None for all other files, and
-    where all faces have as many corners."""
+    where all faces have the same number of corners."""
     for shape in scene.geometry.values():
         columns = shape.metadata.get("_ply_raw", {}).get("face", {}).get("data")
         if isinstance(columns, dict):  # of a binary file it is one array
@@ -51,7 +51,7 @@ def ply_polygons(scene: "trimesh.Scene") -> tuple[Float[np.ndarray, "V 3"], Poly
 def cut_within(
     points: Float[np.ndarray, "V 3"], polygons: Polygons
 ) -> Int[np.ndarray, "F 3"] | None:
-    """The triangles of faces, each within its face; None where trimesh cuts every face well."""
+    """Triangulation within the outlines of faces; None where trimesh's fans are all correct."""
     outside = are_cut_outside(points, polygons)
     if not outside.any():
         return None
@@ -64,8 +64,8 @@ def cut_within(
 
 
 def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Bool[np.ndarray, " P"]:
-    """Whether lines from the first corner of each face leave its outline: triangles between them
-    then face the other way."""
+    """Whether the fan from the first corner of each face leaves its outline: some triangles then
+    have reversed orientation."""
     corners, sizes = polygons
     found, starts = np.zeros(len(sizes), dtype=bool), sizes.cumsum() - sizes
     for size in np.unique(sizes[sizes > 3]):
@@ -80,8 +80,8 @@ def are_cut_outside(points: Float[np.ndarray, "V 3"], polygons: Polygons) -> Boo
 
 
 def _turns_of(outline: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
-    """The area of the triangle of each corner and its two neighbours, as a share of the face's;
-    negative where the triangle lies outside."""
+    """Signed area of the triangle of each corner and its two neighbours, as a share of the area
+    of the face; negative at reflex corners."""
     spokes, sides = outline - outline[:1], np.roll(outline, -1, 0) - outline
     normal = np.cross(spokes, np.roll(spokes, -1, 0)).sum(0)
     at_corners = (np.cross(np.roll(sides, 1, 0), sides) * normal).sum(-1)
@@ -89,10 +89,10 @@ def _turns_of(outline: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
 
 
 def ears(outline: Float[np.ndarray, "N 3"]) -> list[list[int]]:
-    """The triangles of a face, by the numbers of its corners: ears are cut off one by one.
+    """Triangulate a face by ear clipping; triangles index its corners.
 
-    An ear is a triangle of three corners in a row that lies within the outline. The largest goes
-    first.
+    An ear is a triangle of three consecutive corners that lies within the outline. The largest
+    ear is cut first.
     """
     left, found = list(range(len(outline))), []
     while len(left) > 3:
@@ -107,7 +107,7 @@ def ears(outline: Float[np.ndarray, "N 3"]) -> list[list[int]]:
 
 
 def _is_empty(outline: Float[np.ndarray, "N 3"], ear: tuple[int, int, int]) -> bool:
-    """Whether none of the other corners of an outline is inside of the triangle of these three."""
+    """Whether the triangle of three corners contains no other corner of the outline."""
     corners = outline[list(ear)]
     others = np.delete(outline, [at % len(outline) for at in ear], axis=0)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])

@@ -10,22 +10,22 @@ from torch import Tensor
 from geneoh.geometry.mesh import Mesh
 
 GRID, CELLS = 0.004, 40
-"""Spacing of the grid on which inside and outside are told apart, metres, in which thinner walls
-break; and most cells along a side, for large objects."""
+"""Spacing of the marching cubes grid in metres, where thinner walls get holes; and most cells along
+a side, for large objects."""
 MARGIN = 3  # grid points around the object
-NEIGHBOURS = 6  # points within whose distance a point stands for the surface
-AT_ONCE = 20_000  # places that are asked for at a time
+NEIGHBOURS = 6  # nearest points that define the disc of surface that a point stands for
+AT_ONCE = 20_000  # query points per batch
 
 
 def mesh_of_points(points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]) -> Mesh:
-    """The surface on which the winding number of the points is a half, by marching cubes; metres.
+    """The isosurface of the points' winding number at a half, by marching cubes; metres.
 
     Corners and edges are rounded by about the spacing of the points.
     """
     grid = max(GRID, float((points.amax(0) - points.amin(0)).max()) / CELLS)
     low, high = points.amin(0) - MARGIN * grid, points.amax(0) + MARGIN * grid
     x, y, z = (torch.arange(float(a), float(b), grid) for a, b in zip(low, high, strict=True))
-    # libigl counts x fastest
+    # in libigl's grids x varies fastest
     planes = torch.meshgrid(z, y, x, indexing="ij")
     places = torch.stack(planes[::-1], -1).reshape(-1, 3)
     outside = 0.5 - winding_number(places, points, normals)
@@ -40,10 +40,10 @@ def mesh_of_points(points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]) 
 def winding_number(
     places: Float[Tensor, "N 3"], points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]
 ) -> Float[Tensor, " N"]:
-    """How often the surface through the points winds around places: about 1 inside, 0 outside.
+    """Winding number of the surface through the points at `places`: about 1 inside, 0 outside.
 
-    Each point stands for a disc that reaches halfway to its neighbours. Within a disc the number
-    is smoothed.
+    Each point stands for a disc that reaches halfway to its neighbours. Near a disc the number is
+    smoothed.
 
     Source: Barill et al., Fast Winding Numbers for Soups and Clouds, 2018, equation (1).
     """

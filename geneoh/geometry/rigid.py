@@ -15,8 +15,8 @@ def joint_poses(
     pivot: Float[Tensor, "B 3"],
     slides: Bool[Tensor, " B"],
 ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
-    """Rotation and translation of a part that turns about an axis through a pivot by a state in
-    radians, or slides along the axis by a state in metres."""
+    """Rotation and translation of a part on a joint: `state` is the angle in radians about the
+    axis through the pivot, or where the joint slides the distance in metres along the axis."""
     along = state[..., None] * axis[:, None]
     slide, pivot = slides[:, None, None], pivot[:, None]
     turn = axis_angle_to_matrix(torch.where(slide, 0.0, along))
@@ -49,7 +49,7 @@ def part_poses(
     first: Rigid, joint: Rigid
 ) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
     """Rotations and translations of both parts of objects, from the pose of the first part (B, T)
-    and that of the second one in its frame."""
+    and the pose of the second part in the frame of the first."""
     second = first.compose(joint)
     return (
         torch.stack([first.rotation, second.rotation], 2),

@@ -14,7 +14,7 @@ from geneoh.choices import AXES, Axis
 
 SMALL_ANGLE_SQUARED = 1e-6  # below it, the next term of the power series vanishes in float32
 ROTATION_TOLERANCE = 1e-2
-"""Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
+"""Largest entry of R^T R - I of a rotation; half precision causes about 1e-3."""
 TO_Z = {
     "x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
     "y": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
@@ -43,11 +43,11 @@ def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B
 def shortest_turn(
     start: Float[Tensor, "*#B 3"], end: Float[Tensor, "*#B 3"]
 ) -> Float[Tensor, "*B 3 3"]:
-    """The smallest rotation that takes one direction to another, of any length but zero.
+    """The rotation by the smallest angle that takes one direction to another; no zero vectors.
 
-    Of those between opposite directions it is one. It has no gradient at equal directions.
+    Between opposite directions it is one of many. It has no gradient at equal directions.
     """
-    # in double precision, because near opposite directions the axis is the difference of two
+    # in double precision, because the cross product of nearly opposite directions cancels digits
     pair = torch.broadcast_tensors(start, end)
     before, after = (normalize(each.double(), dim=-1) for each in pair)
     across, cosine = torch.linalg.cross(before, after), (before * after).sum(-1)
@@ -129,7 +129,7 @@ def rotation_6d_to_matrix(rotation_6d: Float[Tensor, "*B 6"]) -> Float[Tensor, "
 def axes_along(
     first: Float[Tensor, "*B 3"], second: Float[Tensor, "*B 3"]
 ) -> Float[Tensor, "*B 3 3"]:
-    """Axes as columns: a direction, one as near to another as is across it, and their normal."""
+    """Axes as columns, by Gram-Schmidt: `first`, the part of `second` across it, their normal."""
     x = normalize(first, dim=-1)
     y = normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
     return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
@@ -146,9 +146,10 @@ def interpolate_rotations(
 
 
 def nearest_rotations(matrices: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 3 3"]:
-    """The rotation nearest to each matrix by the sum of squared differences, never a reflection.
+    """The rotation nearest to each matrix in the Frobenius norm, never a reflection.
 
-    That of the mean of rotations is their mean (Moakher 2002). Computed in float64.
+    Applied to the mean of rotation matrices it gives their mean rotation (Moakher 2002). Computed
+    in float64.
     """
     left, _, right = torch.linalg.svd(matrices.double())
     sign = torch.ones_like(left[..., 0])
@@ -163,11 +164,11 @@ def kabsch(
 ) -> tuple[Float[Tensor, "*B 3 3"], Float[Tensor, "*B 3"]]:
     """Rigid motion (R, t) with the least weighted squared error of R @ from + t against `to`.
 
-    Never a reflection. Not for gradients: that of the SVD is infinite for symmetric point sets.
-    Computed in float64, returned in the points' own dtype.
+    Never a reflection. Not for backpropagation: the gradient of the SVD is infinite for symmetric
+    point sets. Computed in float64, returned in the points' own dtype.
 
-    At least three of the points do not lie on one line. Weights are not negative, with a positive
-    sum, and all equal when left out.
+    The points must not all lie on one line. Weights must not be negative and need a positive sum;
+    by default all are equal.
 
     Source: Kabsch 1976, with Umeyama's sign (1991).
     """
@@ -182,11 +183,11 @@ def kabsch(
 
 
 def turn_up(up: Axis, to: Axis = "z") -> Float[Tensor, "3 3"]:
-    """The rotation of a world whose axis `up` points up into one in which `to` does."""
+    """The rotation from a world in which axis `up` points up to one in which axis `to` does."""
     return torch.tensor(TO_Z[to]).T @ torch.tensor(TO_Z[up])
 
 
 def nearest_axis(direction: Float[Tensor, " 3"]) -> Axis:
-    """The signed axis to which a direction is nearest."""
+    """The signed coordinate axis nearest to a direction."""
     index = int(direction.abs().argmax())
     return AXES[index + 3 * bool(direction[index] < 0)]

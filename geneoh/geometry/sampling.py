@@ -19,18 +19,18 @@ class SurfaceSamples:
 
 
 def sample_surface(mesh: Mesh | Solid, count: int, *, generator: torch.Generator) -> SurfaceSamples:
-    """Draw points evenly by area from the surface between inside and outside, on the CPU.
+    """Draw points uniformly by area from the surface between inside and outside, on the CPU.
 
-    Faces inside of overlapping shells are not drawn from; an open sheet is drawn from on both sides
-    of its wall, as in `SurfaceDistance`. Stratified: each of `count` equal shares of the area, in
-    the order of the faces, holds one point. A `Solid` that is there already need not be built.
+    Faces inside overlapping shells get no points; an open sheet gets points on both sides of its
+    wall, as in `SurfaceDistance`. The sampling is stratified: each of `count` equal shares of the
+    area, in the order of the faces, gets one point. Pass a `Solid` where one is already built.
     """
     surface = (mesh if isinstance(mesh, Solid) else build_solid(mesh)).surface
     draws = torch.rand(count, 3, generator=generator, dtype=torch.float64)
     areas = surface.face_vectors().double().norm(dim=-1).cumsum(0)
     place = (torch.arange(count) + draws[:, 0]) / count * areas[-1]
     face = torch.searchsorted(areas, place, right=True).clamp(max=len(areas) - 1)
-    # The root makes the points even over the triangle (Osada et al. 2002, section 4.1).
+    # The root makes the points uniform over the triangle (Osada et al. 2002, section 4.1).
     root = draws[:, 1].sqrt()
     weights = torch.stack([1 - root, root * (1 - draws[:, 2]), root * draws[:, 2]], dim=-1)
     points = (weights[..., None] * surface.corners()[face].double()).sum(-2)

@@ -2,10 +2,10 @@
 
 A point is inside where the winding number exceeds a half in absolute value, so a mesh turned inside
 out is the same solid. Holes, several shells and overlapping parts need no repair (Jacobson et al.
-2013; fast form: Barill et al. 2018). Three defects are repaired: shells whose faces are there twice
-lose the copies, faces that disagree within a shell are turned to agree, and an open sheet (a bowl
-without thickness) is given a wall, because no sign rule can tell its cavity from its inside. Solids
-are kept on the CPU, where libigl works.
+2013; fast form: Barill et al. 2018). Three defects are repaired: shells with all faces duplicated
+lose the copies, faces of a shell are oriented consistently, and an open sheet (a bowl without
+thickness) gets a wall, because no sign rule can distinguish its cavity from its inside. Solids are
+kept on the CPU, where libigl works.
 """
 
 from dataclasses import dataclass
@@ -21,23 +21,23 @@ from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked_mesh, welded
 from geneoh.geometry.openings import connected, open_edges, rims, thickened
 
 OPENING_SHARE = 0.05
-"""A hole is an opening when its area is more than this share of its shell's area.
+"""Share of its shell's area above which a hole counts as an opening of a sheet.
 
 A bowl has 0.5, a cup 0.15, a glass 0.09; a bottle's neck and a scanner's gaps 0.01 or less, and
-those stay holes of a solid. A scan whose whole base is missing cannot be told from a cup.
+those stay holes of a solid. A scan whose base is missing cannot be distinguished from a cup.
 """
 PLUGGED_WINDING = 0.25
-"""An opening is closed by other shells when their winding number next to its cap exceeds this: it
-is about a half behind a lid, one within a solid plug, and zero in free space."""
-PLUG_OFFSET = 0.05  # metres from the cap of these queries, per root of the opening's area
+"""Winding number of the other shells next to an opening's cap above which they close it: it is
+about a half behind a lid, one within a solid plug, and zero in free space."""
+PLUG_OFFSET = 0.05  # distance of these queries from the cap, per root of the opening's area
 SMALLEST_SHEET = 1e-3  # share of the mesh's area below which an open shell needs no wall
 COARSE = 1.0
-"""Accuracy of the first query: three times as fast as libigl's default of 2, and within 0.09 of it
-on a recorded hand around a tool."""
+"""Accuracy of the first winding number query: three times as fast as libigl's default of 2, with a
+result within 0.09 on a recorded hand around a tool."""
 UNSURE = 0.25  # points this close to the threshold are queried again at full accuracy
 PROBE = 1e-5  # distance in front of a face at which its winding number is queried, metres
 PROBES = tuple((a / 9, b / 9, c / 9) for a, b, c in ((3, 3, 3), (7, 1, 1), (1, 7, 1), (1, 1, 7)))
-"""Barycentric coordinates of these queries: the middle of the face, then towards each corner."""
+"""Barycentric coordinates of these queries: the centre of the face, then towards each corner."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Solid:
     """A mesh as a body with an inside and an outside, on the CPU."""
 
     surface: Mesh  # the faces between inside and outside, all pointing outward
-    body: Mesh  # the faces whose winding number tells the inside; each shell points either way
+    body: Mesh  # the faces whose winding number defines the inside; a shell may point either way
     sheets: int  # how many open sheets were given a wall
-    closed: bool  # whether the body has no open edge: only its surface parts inside and outside
+    closed: bool  # whether the body has no open edge: only its surface separates inside and outside
     low: Float64[Tensor, " 3"]
     high: Float64[Tensor, " 3"]  # with `low`, corners of the surface's bounding box
     winding: igl.FastWindingNumberBVH
@@ -73,7 +73,7 @@ def winding_numbers(
     points: Float64[np.ndarray, "P 3"],
     thresholds: tuple[float, ...],
 ) -> Float64[np.ndarray, " P"]:
-    """The winding number at each point, accurate where it is near one of some thresholds."""
+    """The winding number at each point, accurate where it is near one of the thresholds."""
     if len(points) == 0:
         return np.zeros(0)
     number = np.asarray(winding.winding_number(np.ascontiguousarray(points), COARSE))
@@ -86,7 +86,7 @@ def winding_numbers(
 def winding_inside(
     winding: igl.FastWindingNumberBVH, points: Float64[np.ndarray, "P 3"]
 ) -> Bool[np.ndarray, " P"]:
-    """Whether the winding number says inside, whichever way the faces point."""
+    """Whether points are inside by the absolute winding number, whichever way the faces point."""
     return np.abs(winding_numbers(winding, points, (-0.5, 0.5))) > 0.5
 
 
@@ -124,10 +124,10 @@ def build_solid(mesh: Mesh) -> Solid:
 
 
 def without_copies(mesh: Mesh) -> Mesh:
-    """The mesh with one face of each place in shells whose faces all are there twice or more.
+    """The mesh without duplicate faces in shells whose faces all occur twice or more.
 
-    Files for pictures have them so, to be seen from either side, and winding numbers of faces that
-    look opposite ways cancel: nothing would be inside. A face that two bodies share stays twice.
+    Files for rendering duplicate faces to show both sides; the winding numbers of opposite faces
+    cancel, so nothing would be inside. A face that two bodies share stays twice.
     """
     same = numbered_places(mesh.faces)
     repeated = torch.bincount(same)[same] > 1
@@ -142,7 +142,7 @@ def without_copies(mesh: Mesh) -> Mesh:
 
 
 def numbered_places(faces: Int[Tensor, "F 3"]) -> Int[Tensor, " F"]:
-    """A number for the three corners of each face, in whatever order they are."""
+    """An index for the three corners of each face, equal for faces with the same corners."""
     corners, size = faces.sort(-1).values, int(faces.max()) + 1
     edge = torch.unique(corners[:, 0] * size + corners[:, 1], return_inverse=True)[1]
     return torch.unique(edge * size + corners[:, 2], return_inverse=True)[1]
@@ -155,9 +155,9 @@ def as_arrays(mesh: Mesh) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray,
 
 
 def agreeing(mesh: Mesh) -> tuple[Mesh, Int[Tensor, " F"]]:
-    """Turn faces so that neighbours point to the same side; also the patch number of each face.
+    """The mesh with faces oriented consistently within each patch, and the patch of each face.
 
-    Each patch keeps the side that most of its area had; patches end where three or more faces meet.
+    A patch takes the orientation of most of its area; patches end where three or more faces meet.
     """
     turned, patch = (torch.from_numpy(found).long() for found in igl.bfs_orient(mesh.faces.numpy()))
     area = mesh.face_vectors().norm(dim=-1)
@@ -168,7 +168,7 @@ def agreeing(mesh: Mesh) -> tuple[Mesh, Int[Tensor, " F"]]:
 
 
 def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
-    """Replace the open sheets among the patches by walls; also the number of sheets."""
+    """The mesh with walls in place of the open sheets among the patches, and their number."""
     area = mesh.face_vectors().norm(dim=-1) / 2
     patch_area = area.new_zeros(int(patches.max()) + 1).index_add_(0, patches, area)
     candidates = [
@@ -199,7 +199,7 @@ def opening_caps(
     rim = open_edges(mesh.faces)
     edges, chain = rims(mesh.faces, rim)
     owners = patches[:, None].expand(-1, 3)[rim]
-    # Two patches may touch in a vertex, so loops are told apart by their patch as well.
+    # Two patches may touch in a vertex, so a loop is identified by its patch as well.
     names, loops = torch.unique(chain * len(patch_area) + owners, return_inverse=True)
     start, end = mesh.verts.double()[edges].unbind(1)
     owner = names % len(patch_area)
@@ -227,7 +227,7 @@ def is_plugged(
     caps: list[Float[Tensor, "C 3"]],
     winding: igl.FastWindingNumberBVH,
 ) -> bool:
-    """Whether the other shells close every opening of a sheet, seen from either side."""
+    """Whether the other shells close every opening of a sheet, on either side of its cap."""
     verts, faces = as_arrays(Mesh(mesh.verts, mesh.faces[own]))
     for cap in caps:
         points = cap.numpy()
@@ -239,17 +239,17 @@ def is_plugged(
 
 
 def outward_by_volume(mesh: Mesh) -> Mesh:
-    """A closed shell with its faces turned so that it encloses a positive volume."""
+    """A closed shell, with its faces reversed where its signed volume is negative."""
     a, b, c = mesh.corners().double().unbind(-2)
     volume = (a * torch.linalg.cross(b, c)).sum()
     return mesh if float(volume) > 0 else Mesh(mesh.verts, mesh.faces.flip(-1))
 
 
 def outward_by_winding(mesh: Mesh, winding: igl.FastWindingNumberBVH) -> Mesh:
-    """Each face turned away from the inside, without the faces that have it on both sides.
+    """The faces oriented outward, without those that have the inside on both sides.
 
-    Those lie where shells overlap and are no part of the body's surface. A face is left out only if
-    all its probes say so, because a large face may be pierced in its middle.
+    Such faces lie where shells overlap and are no part of the surface. A face is left out only if
+    all of its probes are inside, because other faces may pierce the centre of a large face.
     """
     ahead = torch.ones(len(mesh.faces), dtype=torch.bool)
     buried, behind = ahead.clone(), ahead.clone()
@@ -263,7 +263,7 @@ def outward_by_winding(mesh: Mesh, winding: igl.FastWindingNumberBVH) -> Mesh:
 def sides(
     mesh: Mesh, winding: igl.FastWindingNumberBVH, probe: tuple[float, float, float]
 ) -> tuple[Bool[Tensor, " F"], Bool[Tensor, " F"]]:
-    """Whether the inside lies before and behind each face, at one barycentric position."""
+    """Whether the inside lies in front of and behind each face, at one barycentric position."""
     weights = torch.tensor(probe, dtype=torch.float64)
     points = (mesh.corners().double() * weights[:, None]).sum(-2) + mesh.face_normals() * PROBE
     # Through a face, from its front to its back, the winding number grows by one.

@@ -1,15 +1,15 @@
-"""Skin that goes through thin walls, which no depth shows: nothing is deeper than half a wall."""
+"""Skin that goes through thin walls; penetration depth, at most half a wall, does not show it."""
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 NEAR = 0.005
-"""Distance in metres from the wall within which ends of an edge that goes through it are."""
+"""Largest distance in metres from the wall to the ends of an edge that goes through it."""
 OPPOSITE = -0.5
-"""Cosine between the outward normals on both sides of a wall, at most."""
+"""Largest cosine between the outward normals on the two sides of a wall."""
 GRAZED = 5
-"""Edges in a frame that may reach over a rim, a corner or a wire without going through a wall."""
+"""Edges of a frame that are tolerated: they may pass a rim, a corner or a wire instead."""
 
 
 def goes_through(
@@ -18,16 +18,16 @@ def goes_through(
     normal: Float[Tensor, "*B V 3"],
     edges: Int[Tensor, "E 2"],
 ) -> Bool[Tensor, "*B"]:
-    """Whether the skin of a hand goes in at one side of a wall and out at the opposite one.
+    """Whether the skin of a hand goes in at one side of a wall and out at the opposite side.
 
-    An edge does that whose ends are outside, but each beyond the surface that is nearest to the
-    other one. Walls thicker than the edges are long, most of them 7 mm, are not told.
+    An edge goes through if both ends are outside, but each lies beyond the surface nearest to the
+    other end. Walls thicker than an edge is long, mostly 7 mm, are not detected.
 
     Args:
-        verts: of the skin.
-        distance: signed distance of each to the object, metres, exact up to `NEAR`.
-        normal: its gradient.
-        edges: of the skin.
+        verts: vertices of the skin.
+        distance: signed distance of each vertex to the object, metres, exact up to `NEAR`.
+        normal: gradient of the distance at each vertex.
+        edges: edges of the skin.
     """
     start, end = edges.unbind(-1)
     step = verts[..., end, :] - verts[..., start, :]

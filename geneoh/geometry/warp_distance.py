@@ -4,7 +4,7 @@ The same answers as libigl's in `distance.py`, to rounding, without a copy of th
 Warp runs on a CPU as well, where the tests compare the two.
 """
 
-# what a kernel says is in the language of Warp, not of Python
+# kernels are in Warp's language, which type checkers of Python do not know
 # pyright: reportAttributeAccessIssue=false
 
 import inspect
@@ -19,7 +19,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.solid import Solid
 
 ACCURACY = 2.0  # of the winding number, as libigl's own default
-FARTHEST = 1e6  # metres within which the surface is looked for
+FARTHEST = 1e6  # largest distance of the search for the surface, metres
 
 wp.config.quiet = True
 wp.init()
@@ -30,7 +30,7 @@ def _nearest(surface, body, turned, low, high, within, points, closest, face, in
     point = points[number]
     boxed = wp.max(wp.min(point, high), low)
     apart = wp.length(point - boxed)
-    # neither what is not finite nor what is far from the box is searched for
+    # no search for points that are not finite or far from the box
     closest[number] = boxed
     face[number] = 0
     if apart <= within:
@@ -39,7 +39,7 @@ def _nearest(surface, body, turned, low, high, within, points, closest, face, in
         face[number] = found.face
     here = apart == 0.0
     if here:
-        # the winding number counts in absolute value, so faces may point either way
+        # inside by the absolute winding number, so faces may point either way
         own = wp.mesh_query_point_sign_winding_number(body, point, FARTHEST, ACCURACY, 0.5)
         other = wp.mesh_query_point_sign_winding_number(turned, point, FARTHEST, ACCURACY, 0.5)
         here = own.sign < 0.0 or other.sign < 0.0
@@ -47,9 +47,9 @@ def _nearest(surface, body, turned, low, high, within, points, closest, face, in
 
 
 def _kernel() -> Any:
-    """`_nearest` for Warp, which reads the types of a kernel from its annotations.
+    """`_nearest` as a Warp kernel, with the annotations from which Warp reads its types.
 
-    They are not those of Python, so tools that check the types of arguments must not see them.
+    They are set here because they are no Python types, on which runtime type checkers would fail.
     """
     function = inspect.unwrap(_nearest)
     trees = dict.fromkeys(("surface", "body", "turned"), wp.uint64)
@@ -81,7 +81,7 @@ class WarpField:
     ) -> tuple[Float[Tensor, "N 3"], Int[Tensor, " N"], Bool[Tensor, " N"]]:
         """Closest surface point, its face, and whether each point is inside; on the device.
 
-        Of points farther than `within` from the solid's box the closest point of that box.
+        For points farther than `within` from the bounding box, the closest point of that box.
         """
         points = points.detach().to(self.device, torch.float32).contiguous()
         closest = torch.empty_like(points)
@@ -113,7 +113,7 @@ def _tree(mesh: Mesh, device: torch.device, *, winding: bool) -> wp.Mesh:
 
 
 def _stream(device: torch.device) -> Any:
-    """The stream of torch on a GPU, so that both wait for each other; nothing on a CPU."""
+    """Warp on torch's current CUDA stream, so that each waits for the other; or on the CPU."""
     if device.type != "cuda":
         return wp.ScopedDevice("cpu")
     return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))

@@ -16,7 +16,7 @@ from geneoh.geometry.distance import MovingSurface, SurfaceQuery, pairwise_dista
 from geneoh.geometry.rigid import Rigid
 
 TOUCH = 0.005  # metres within which a hand point touches: skin is soft, and meshes are coarse
-CONTACT_MAP = 0.002  # metres of the paper's contact map
+CONTACT_MAP = 0.002  # distance threshold of the paper's contact map, metres
 FINGERTIP_RADIUS = 0.015  # metres around a tip keypoint in which vertices belong to that fingertip
 CONSISTENCY_DECAY = 100.0
 """Decay of a hand point's expected share in the object's motion with distance, 1/m (paper, C.2)."""
@@ -32,7 +32,7 @@ def penetration_depth(distance: Float[Tensor, "*B T V"]) -> Float[Tensor, "*B T"
 
 
 def depth_between(one: ChangingSurface, other: ChangingSurface) -> Float[Tensor, " T"]:
-    """Depth of the deepest vertex that two hands have in each other in each frame, metres.
+    """Largest penetration depth of two hands in each other in each frame, metres.
 
     Zero where their skins only touch or are apart.
     """
@@ -106,7 +106,7 @@ def motion_consistency(
 
     ||exp(-100 d) dh - do||^2 for the nearest pair of hand and object point (h, o) at distance d; dh
     and do are their steps to the next frame, where o moves with the object's part that it lies on.
-    Zero for a hand that carries what it touches. `query` is the surface's at `verts` in the world.
+    Zero for a hand that carries what it touches. `query` is `surface.query(verts)`, world frame.
 
     Source: C.2, hand-object motion consistency.
     """
@@ -125,7 +125,7 @@ def motion_consistency(
 def _part_motion(
     surface: MovingSurface, frame: Int[Tensor, "*#N"], part: Int[Tensor, "*#N"]
 ) -> Rigid:
-    """The rigid motion in the world of parts of the object from given frames to the next ones."""
+    """The rigid motion of object parts from each frame to the next one, world frame."""
     return surface.pose(frame + 1, part).compose(surface.pose(frame, part).inverse())
 
 
@@ -142,7 +142,7 @@ def fingertip_slip(
     at most 5 mm from the object in this frame and the next; its slip is the vertex's motion along
     the surface in the frame of the touched part. Mean over the fingertips that count, NaN without
     any. The counterpart of foot skate: zero for a finger that lifts off, presses, or holds still.
-    `query` is the surface's at `verts` in the world, `tips` are the keypoints of the fingertips.
+    `query` is `surface.query(verts)`, world frame; `tips` are the keypoints of the fingertips.
     """
     of_tip = pairwise_distances(tips, verts) <= FINGERTIP_RADIUS
     gap = torch.where(of_tip, query.distance[:, None], torch.inf)
@@ -152,7 +152,7 @@ def fingertip_slip(
     now, later = verts[frame, pick], verts[frame + 1, pick]
     part = surface.at(slice(-1)).part_at(query.closest[frame, pick])
     move = _part_motion(surface, frame, part)
-    # the vertex if it had stayed on the part; `apply` takes sets of points
+    # where the vertex would be if it moved with the part; `apply` takes sets of points
     carried = move.apply(now[..., None, :])[..., 0, :]
     turned = (move.rotation @ query.normal[frame, pick][..., None])[..., 0]
     moved = later - carried

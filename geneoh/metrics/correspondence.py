@@ -1,8 +1,8 @@
-"""Contact on the object by the rays of TOCH: the object points that have the hand in front of them.
+"""Contact map on the object by the rays of TOCH.
 
 From each object point a ray is cast along the normal, or against it where the point is inside the
-hand. The first point of the hand that it meets is the object point's correspondence, unless the ray
-meets the object before. A point is in contact when its correspondence is at most 2 mm away.
+hand. The first hand point on the ray is the correspondence of the object point, unless the ray
+meets the object first. A point is in contact when its correspondence is at most 2 mm away.
 
 Source: Zhou et al., TOCH, 2022, section 3.1; GeneOH Diffusion, C.2 (contact IoU).
 """
@@ -43,8 +43,8 @@ def object_contact(
 ) -> Bool[Tensor, "T P"]:
     """Whether each object point has the hand within 2 mm along its ray, part after part.
 
-    The hand is in the world frame, an opening at its wrist is closed, and a frame without it has no
-    contact. `samples` are the points of each part, from `contact_points`.
+    The hand is in the world frame; an opening at its wrist is closed. A frame where it is not
+    finite has no contact. `samples` are the points of each part, from `contact_points`.
     """
     closed, closed_faces = capped(verts, faces)
     maps = []
@@ -68,7 +68,7 @@ def rays_meet(hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples) -> Bo
     if not len(near):
         return torch.from_numpy(met)
     tree = SearchTree(hand)
-    # a ray is never shorter than the distance, so only near points can be in contact
+    # a ray is never shorter than the distance to the hand, so only near points can be in contact
     near = near[tree.nearest(points[near])[0] <= CONTACT_MAP**2]
     if not len(near):
         return torch.from_numpy(met)

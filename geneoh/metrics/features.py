@@ -1,7 +1,7 @@
 """Scores of sets of feature vectors, by which generated clips are compared with real ones.
 
-Features are what a classifier of actions makes of clips, N vectors of D numbers, and labels are its
-classes. All sums are of double precision.
+Features are embeddings of N clips by an action classifier, with D dimensions; labels are its
+classes. All sums are in double precision.
 """
 
 from dataclasses import dataclass
@@ -24,11 +24,11 @@ class Interval:
 
 
 def interval(values: Float[Tensor, " R"]) -> Interval:
-    """Mean of a score over R random halves of the same clips, and 1.96 standard errors of what it
-    would be over other clips; NaN of fewer than two.
+    """Mean of a score over R random halves of the clips, and its 95% interval over other clips.
 
-    The deviation over halves is that standard error: a half has twice the variance of the whole,
-    and half of it is due to which of the clips were drawn. More halves do not make it smaller.
+    The half width is NaN for R < 2. The standard deviation over halves estimates the standard error
+    over other clips: a half has twice the variance of the whole set, and half of that variance
+    comes from which clips were drawn. More halves do not make it smaller.
     """
     half = NORMAL_95 * values.double().std() if len(values) > 1 else torch.nan
     return Interval(float(values.double().mean()), float(half))
@@ -37,8 +37,8 @@ def interval(values: Float[Tensor, " R"]) -> Interval:
 def frechet_distance(real: Float[Tensor, "N D"], made: Float[Tensor, "M D"]) -> float:
     """Fréchet distance of the normal distributions of two sets: zero for equal ones.
 
-    The squared difference of their means plus tr(A + B - 2 (AB)^½) of their covariances. Small sets
-    make it larger; compare it with that of two sets of real clips of the same sizes.
+    The squared difference of the means plus tr(A + B - 2 (AB)^½), with covariances A and B. Small
+    sets make it larger: compare it with the distance of two real sets of the same sizes.
 
     Source: Heusel et al., GANs Trained by a Two Time-Scale Update Rule, 2017, equation (6).
     """
@@ -56,7 +56,7 @@ def frechet_distance(real: Float[Tensor, "N D"], made: Float[Tensor, "M D"]) -> 
 def diversity(
     features: Float[Tensor, "N D"], *, generator: torch.Generator, pairs: int = PAIRS
 ) -> float:
-    """Mean distance of random pairs of two different clips; NaN of fewer than two clips."""
+    """Mean distance of random pairs of different clips; NaN for fewer than two clips."""
     count = len(features)
     if count < 2:
         return float("nan")
@@ -69,9 +69,9 @@ def diversity(
 def multimodality(
     features: Float[Tensor, "N D"], labels: Int[Tensor, " N"], *, generator: torch.Generator
 ) -> float:
-    """Mean over labels of the mean distance of random pairs with the label.
+    """Mean over labels of the mean distance of random pairs with that label.
 
-    Labels of a single clip do not count; NaN where there is no other.
+    Labels with a single clip do not count; NaN where all labels are such.
     """
     groups = [features[labels == label] for label in labels.unique()]
     found = [
@@ -81,7 +81,7 @@ def multimodality(
 
 
 def top_accuracy(scores: Float[Tensor, "N C"], labels: Int[Tensor, " N"], count: int) -> float:
-    """Share of the clips whose label is among the `count` classes of the highest scores."""
+    """Share of the clips whose label is among the `count` classes with the highest scores."""
     best = scores.topk(min(count, scores.shape[1]), dim=-1).indices
     return float((best == labels[:, None]).any(-1).double().mean())
 
@@ -94,10 +94,10 @@ def retrieval(
     pool: int,
     generator: torch.Generator,
 ) -> float:
-    """R-precision: share of sentences whose clip is among the `count` nearest of a pool of clips.
+    """R-precision: share of sentences (`told`) whose clip is among the `count` nearest of its pool.
 
-    Clips are divided at random into pools of `pool`; the last ones that fill none are left out. NaN
-    of fewer clips than a pool. By chance it is `count` / `pool`.
+    Clips are divided at random into pools of size `pool`; a remainder is left out. NaN for fewer
+    clips than one pool. Chance level is `count` / `pool`.
 
     Source: Guo et al., Generating Diverse and Natural 3D Human Motions from Text, 2022.
     """

@@ -1,16 +1,16 @@
-"""Physical realism: whether what touches an object can hold it and move it as it moves.
+"""Physical realism: whether the contacts of an object can cause its motion.
 
-A frame is realistic if its object rests on the table, or if hands touch it and forces within the
-friction cones of its contacts, none of them negative, add up to the wrench that its motion asks for
-against gravity. Text2HOI reports a score of this name after ManipNet, but states no mass, friction,
-contact distance or solver, and released no code for it. Ours is therefore a definition of our own,
-whose numbers must not be compared with the paper's:
+A frame is realistic if its object rests on the table, or if hands touch it and contact forces in
+their friction cones add up to the wrench that its motion requires against gravity. Text2HOI reports
+a score of this name after ManipNet, but states no mass, friction, contact distance or solver, and
+released no code for it. This is therefore our own definition, and its numbers must not be compared
+with the paper's:
 
 - the mass, whose size cancels, is spread evenly over the surface of all parts, so that the measured
   motion of the surface points alone gives force and torque;
 - a hand touches where its skin is inside the object or at most 5 mm off it, with friction 0.8;
 - the table, the plane z = 0, bears what stands on it, without friction while the object moves;
-- at most a tenth of the weight may be left over, and very hard presses count as too hard
+- the residual wrench is at most a tenth of the weight, with a penalty on large forces
   (`geneoh.geometry.forces.PRESSURE_COST`).
 
 Points and skin are in the world frame, whose z axis points up, in metres.
@@ -29,11 +29,11 @@ from geneoh.metrics.contact import MOVING, TOUCH
 
 GRAVITY = 9.81  # m/s²
 FRICTION = 0.8
-LEFT = 0.1  # largest rest of the wrench of a realistic frame, in units of the weight
-NEAR = 0.02  # distance of a keypoint from the object within which a hand is at it, metres (paper)
-SPAN = 2  # frames to either side of which an acceleration is made: neighbours alone show noise
-SPREAD = 32  # most contacts of a frame that forces act through, spread over all of them
-STEPS = 200  # of the search for forces
+LEFT = 0.1  # largest residual wrench of a realistic frame, in units of the weight
+NEAR = 0.02  # distance from a keypoint to the object up to which a hand is near, metres (paper)
+SPAN = 2  # step in frames of second differences: a step of one frame shows mostly noise
+SPREAD = 32  # most contact points of a frame, chosen far apart, through which forces act
+STEPS = 200  # iterations of the solver for the forces
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def realistic_frames(
 ) -> Bool[Tensor, "B T"]:
     """Whether each frame is realistic; see the module."""
     stands = surface.points[..., 2] <= TOUCH
-    still = ~(surface.moves | surface.moves.roll(1, 1))  # no last frame moves on
+    still = ~(surface.moves | surface.moves.roll(1, 1))  # `moves` is false in the last frame
     passed = still & stands.any(-1) & surface.valid
     asked = ~passed & surface.valid & touched.any(-1)
     if not bool(asked.any()):
@@ -94,7 +94,7 @@ def realistic_frames(
     down = arms.new_tensor([0.0, 0.0, -1.0]).expand_as(arms)
     hands = _cones(arms, surface.normals[asked], touched[asked], friction)
     spanned = torch.cat([hands, _cones(arms, down, stands[asked], 0.0)], 1)
-    # torques count as the forces that they are at the radius of gyration
+    # torques divided by the radius of gyration count like forces
     scale = torch.cat([torch.ones_like(arms[:, :1]), size[asked][:, None].expand(-1, 1, 3)], -1)
     left = wrench_left(spanned / scale, wanted[asked][:, None] / scale, steps=STEPS)
     passed[asked] = left[:, 0].norm(dim=-1) <= LEFT
@@ -104,12 +104,12 @@ def realistic_frames(
 def wanted_wrench(
     surface: SurfacePoints, fps: float
 ) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 3"], Float[Tensor, "B T 1"]]:
-    """The wrench that the motion asks for per unit of weight, about the centre of mass; that centre
-    and the radius of gyration, metres.
+    """The required wrench per unit of weight about the centre of mass, that centre, and the radius
+    of gyration, metres.
 
-    Each point is an equal share of the mass. Accelerations are made of frames two apart, or one in
-    clips of three or four frames, and the first and last ones of a clip are those of the frames
-    next to them; shorter clips have none.
+    Each point has an equal share of the mass. Accelerations are second differences with a step of
+    two frames, or of one in clips of three or four frames; the first and last frames of a clip take
+    the nearest one. They are zero in shorter clips.
     """
     points, frames = surface.points, torch.arange(surface.points.shape[1])
     last = surface.length[:, None] - 1
@@ -129,10 +129,10 @@ def wanted_wrench(
 def touched_points(
     distance: Float[Tensor, "*B V"], index: Int[Tensor, "*B V"], count: int
 ) -> Bool[Tensor, "*B P"]:
-    """Which of `count` surface points are touched, by the distance of the skin and its points.
+    """Which of `count` surface points the skin touches.
 
-    A point is touched that tells the distance of a vertex inside or at most 5 mm off; both are as
-    `geneoh.geometry.oriented_points.signed_to_points` makes them.
+    A point is touched if it is the surface point of a vertex that is inside or at most 5 mm off.
+    `distance` and `index` are from `geneoh.geometry.oriented_points.signed_to_points`.
     """
     hits = (distance <= TOUCH).to(index)
     return hits.new_zeros(*index.shape[:-1], count).scatter_add(-1, index, hits) > 0
@@ -144,7 +144,7 @@ def _cones(
     chosen: Bool[Tensor, "N P"],
     friction: float,
 ) -> Float[Tensor, "N K 6"]:
-    """Wrenches that span the friction cones at some chosen points; zero where fewer are chosen."""
+    """Wrenches that span the friction cones at up to `SPREAD` chosen points, padded with zeros."""
     at, there = spread_out(arms, chosen)
     row = torch.arange(len(arms), device=arms.device)[:, None]
     edges = EDGES if friction else 1
@@ -155,7 +155,7 @@ def _cones(
 def spread_out(
     points: Float[Tensor, "N P 3"], chosen: Bool[Tensor, "N P"]
 ) -> tuple[Int[Tensor, "N C"], Bool[Tensor, "N C"]]:
-    """At most 32 chosen points, each the farthest from those before it, and which entries are."""
+    """Indices of at most 32 chosen points by farthest point sampling, and a mask of valid ones."""
     count = min(SPREAD, int(chosen.sum(1).max()))
     far = torch.where(chosen, torch.inf, -1.0).to(points)
     at, row = [], torch.arange(len(points), device=points.device)

@@ -107,8 +107,8 @@ def measure_frames(
 def near_hand(
     surface: MovingSurface, verts: Float[Tensor, "T V 3"], within: float = TOUCH
 ) -> SurfaceQuery:
-    """The surface at the vertices of a hand: exact for those within some metres of the object, in
-    it or the nearest of their frame."""
+    """Signed distance, closest point and normal at a hand's vertices: exact inside the object,
+    within `within` metres of it, and for the nearest vertex of each frame."""
     found = replace(surface, within=within).query(verts)
     while within < FARTHEST:
         away = torch.nonzero(~(found.distance.abs() <= within).any(-1))[:, 0]
@@ -132,11 +132,11 @@ def measure_posed(
     groups: Sequence[Int[Tensor, " _"]] = (),
     within: float = TOUCH,
 ) -> tuple[InteractionReport, Float[Tensor, "T G"]]:
-    """The report of one hand and one object, world frame, and how far parts of the hand are off it.
+    """The report of one hand and one object, and the distance of groups of vertices to the object.
 
-    `verts_of` is asked for the hand's vertices in a few frames at a time, `faces` join them, and
-    the report is about the frames that are `valid`. The signed distances, metres, negative inside,
-    are those of the nearest vertex of each of the `groups`, exact up to `within`.
+    `verts_of` gives the hand's vertices in a slice of the frames, world frame; `faces` are its
+    triangles. The report covers the `valid` frames. The signed distance of each of the `groups` is
+    the least of its vertices, metres, negative inside, exact up to `within`.
     """
     if valid is None:
         valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)
@@ -164,8 +164,8 @@ def measure_posed(
 
 
 def over_shots(reports: Sequence[InteractionReport]) -> InteractionReport:
-    """The report of all shots of a video: the largest depth, and means weighted by the frames of
-    each shot, `fingers_in_contact` by its frames with contact."""
+    """The report of all shots of a video: the largest depth, and means weighted by the number of
+    frames of each shot (`fingers_in_contact`: of frames with contact)."""
     frames = [report.frames for report in reports]
     touching = [report.frames * report.contact_fraction for report in reports]
     found = {}
@@ -209,7 +209,7 @@ def format_number(value: float) -> str:
 
 
 def through_walls(before: InteractionReport, after: InteractionReport) -> Iterator[str]:
-    """What a user should know of a hand that is still in a thin wall after it was cleaned."""
+    """A note for the user where a hand still goes through a thin wall after cleaning."""
     if after.through_fraction > 0:
         old, new = (100 * report.through_fraction for report in (before, after))
         yield (

@@ -50,5 +50,5 @@ def mean_over_frames(
 
 
 def valid_differences(valid: Bool[Tensor, " T"], order: int) -> Bool[Tensor, " L"]:
-    """Whether a finite difference of this order exists per frame: it and the next are valid."""
+    """Whether each frame and the next `order` frames are all valid."""
     return valid.unfold(0, order + 1, 1).all(-1) if len(valid) > order else valid[:0]

@@ -69,8 +69,8 @@ def intersection_volume(
 ) -> Float[Tensor, " T"]:
     """Volume in cubic metres shared by the hand and the object, summed over the object's parts.
 
-    NaN in frames without a hand. Voxels, of a side in metres, are fixed in the part's frame, so a
-    rigid motion of the scene changes nothing. A hand that is open at the wrist is closed there; an
+    NaN in frames without a hand. Voxels, with a side of `voxel` metres, are fixed in the part's
+    frame, so a rigid motion of the scene changes nothing. A hand open at the wrist is closed; an
     open sheet is the wall that `SurfaceDistance` makes of it.
 
     Source: GeneOH Diffusion, C.2 (solid intersection volume), which states no voxel size.

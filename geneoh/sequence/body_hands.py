@@ -13,11 +13,11 @@ from geneoh.hand.skeleton import TIP_PARENTS, forward_kinematics
 from geneoh.sequence.sequence import HandTrack
 
 SAME_HAND = 1e-5
-"""Metres up to which a skeleton's hand counts as the embedded one."""
+"""Largest difference in metres of the offsets of a hand that counts as the embedded one."""
 
 
 def hand_offsets(skeleton: Skeleton, side: Side) -> Float[Tensor, "*B 20 3"]:
-    """A hand's rest skeleton: its 15 bones, and the tips of the embedded hand in its size."""
+    """Rest offsets of a hand: its 15 bones, and the embedded hand's tip offsets, scaled to it."""
     bones = skeleton.offsets[..., list(FINGER_JOINTS[side]), :]
     own = load_hand(side).shaped(bones.new_zeros(10)).offsets
     last = [parent - 1 for parent in TIP_PARENTS]
@@ -26,9 +26,9 @@ def hand_offsets(skeleton: Skeleton, side: Side) -> Float[Tensor, "*B 20 3"]:
 
 
 def _hand_track(skeleton: Skeleton, motion: BodyMotion, side: Side) -> HandTrack:
-    """One hand of T frames in the body's world: keypoints, pose and wrist.
+    """One hand of T frames in the body's world frame: keypoints, pose and wrist.
 
-    A hand of the embedded skeleton has its betas too, all zero.
+    A hand with the skeleton of the embedded hand model gets betas too, all zero.
     """
     posed, wrist = pose(skeleton, motion), WRISTS[side]
     offsets = hand_offsets(skeleton, side)

@@ -1,4 +1,4 @@
-"""The direction in which a camera sees a hand: estimators err along it, for a whole clip."""
+"""Viewing rays from the camera to a hand, along which estimators err most, for a whole clip."""
 
 import logging
 from dataclasses import replace
@@ -21,21 +21,21 @@ NEAREST = 1e-6
 
 
 def with_rays(sequence: Sequence, rays: Float[Tensor, "N 3"], name: str) -> Sequence:
-    """The sequence with directions from the camera, of any length, for all of its hands.
+    """The sequence with viewing rays from the camera for all of its hands.
 
-    `rays` are in the world, one for each frame or one for all; `name` is that of the field in
-    messages. `InputError` for another number of frames, or a ray without length or not finite.
+    `rays` are directions of any length in the world, one per frame or one for all; `name` is the
+    field in messages. `InputError` for another number of rays, or one that is zero or not finite.
     """
     ray = unit_rays(rays, sequence.frames, name)
     return replace(sequence, hands=tuple(replace(h, camera_ray=ray) for h in sequence.hands))
 
 
 def seen_from(sequence: Sequence, position: Float[Tensor, "N 3"], name: str) -> Sequence:
-    """The sequence with the directions from the camera to the wrist of each hand.
+    """The sequence with the viewing rays from a camera to the wrist of each hand.
 
-    `position` is the camera's in the world, metres, one for each frame or one for all; `name` is
-    that of the field in messages. A place that can hardly be a camera's is logged. `InputError` as
-    `with_rays`, and where it is the wrist's place.
+    `position` is the camera's in the world, metres, one per frame or one for all; `name` is the
+    field in messages. Logs a warning for an implausible position. `InputError` as `with_rays`, and
+    where camera and wrist coincide.
     """
     place = of_each_frame(position, sequence.frames, name)
     if (away := float(place.norm(dim=-1).min())) > FARTHEST_SCENE:
@@ -50,12 +50,12 @@ def seen_from(sequence: Sequence, position: Float[Tensor, "N 3"], name: str) -> 
 
 
 def wrist_of(hand: HandTrack) -> Float[Tensor, "T 3"]:
-    """Places of the wrist in the world, gaps filled."""
+    """Positions of the wrist in the world, gaps filled."""
     return keypoints_of(fill_gaps(hand))[:, 0]
 
 
 def of_each_frame(values: Float[Tensor, "N 3"], frames: int, name: str) -> Float[Tensor, "T 3"]:
-    """Vectors for every frame, from as many or from one."""
+    """Vectors for every frame, from one per frame or from one for all."""
     if len(values) not in (1, frames):
         raise InputError(
             f"{name} must be one vector or one for each of the {frames} frames, got {len(values)}; "

@@ -1,4 +1,4 @@
-"""Whether a hand is within reach of its object in some frame, and what may be wrong if not."""
+"""Check that a hand comes near its object in some frame, and guess the fault if it does not."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,18 +16,18 @@ FARTHEST_HAND = 0.5
 they are nearest."""
 
 ALIKE = 0.02
-"""Metres within which two readings that bring the wrist near are told both."""
+"""Metres within which two interpretations are equally good, and a message names both."""
 SCALES = (1000.0, 100.0, 0.01, 0.001)
-"""Of lengths from millimetres or centimetres to metres, and back."""
+"""Factors that are tried on translations, for a unit of millimetres or centimetres."""
 TOO_FAR = 10.0
-"""Metres from which on an object may be one in another unit, and not one that is elsewhere."""
+"""Distance in metres from which on the object's translations may be in a smaller unit."""
 
 WRIST_FROM_ORIGIN = 0.15
 """Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
 
 
 def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
-    """Refuse a hand that never comes near its object: other units, another frame, other object."""
+    """Refuse a hand that never comes near its object: the unit, frame or object must be wrong."""
     nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
         readings = other_readings(hand, motion, nearest)
@@ -46,8 +46,8 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
 def other_readings(
     hand: HandTrack, motion: ObjectTrack, nearest: float
 ) -> Iterator[tuple[float, str]]:
-    """Metres from the wrist to the object, 0 inside, as other readings of the same numbers have it;
-    and what to do where one of them is right. As they are read it is `nearest`."""
+    """Distance from wrist to object under other interpretations of the numbers, metres, 0 inside,
+    and the remedy for each; `nearest` is the distance as they were read."""
     gap = max(least_distance(hand, inverted(motion)), 0.0)
     yield (
         gap,
@@ -77,18 +77,18 @@ def in_other_axes(hand: HandTrack) -> HandTrack:
 
 
 def inverted(motion: ObjectTrack) -> ObjectTrack:
-    """The track whose poses are the inverses."""
+    """The track with inverted poses."""
     back = Rigid(motion.rotation, motion.translation).inverse()
     return replace(motion, rotation=back.rotation, translation=back.translation)
 
 
 def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:
-    """Metres from the wrist to its object in the frame in which they are nearest."""
+    """Least distance over frames from the wrist to the object's bounding balls, metres."""
     return float(distance_to_object(hand, motion)[hand.valid].min())
 
 
 def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " T"]:
-    """Metres of each frame from the wrist to the ball around the nearest part of the object.
+    """Distance in each frame from the wrist to the nearest bounding ball of a part, metres.
 
     Negative inside; zero without a mesh, a wrist or an observed pose.
     """
@@ -109,7 +109,7 @@ def ball_distance(
     rotation: Float[Tensor, "T 3 3"],
     translation: Float[Tensor, "T 3"],
 ) -> Float[Tensor, " T"]:
-    """Distance of each frame's point from the ball around the moved mesh; negative inside."""
+    """Distance of each frame's point from the bounding ball of the posed mesh; negative inside."""
     center = (verts.amax(0) + verts.amin(0)) / 2
     radius = (verts - center).norm(dim=-1).max()
     center_world = (rotation @ center[:, None])[..., 0] + translation

@@ -1,4 +1,4 @@
-"""Frames between observed ones: points on straight lines, rotations on the shorter arc."""
+"""Interpolation between observed frames: linear for points, spherical for rotations."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -18,12 +18,12 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
 LEAP = 0.2
-"""Metres from one frame to the next by which the middle of an object that rests does not start."""
+"""Step in metres between two frames that is too long for an object that starts from rest."""
 
 
 @dataclass(frozen=True)
 class FrameInterpolation:
-    """N instants, each between two frames of a track; fraction 0 is exactly the first of them."""
+    """N instants, each between two frames of a track; at fraction 0 it is exactly the first one."""
 
     before: Int[Tensor, " N"]
     after: Int[Tensor, " N"]
@@ -31,17 +31,17 @@ class FrameInterpolation:
 
     @property
     def nearest(self) -> Int[Tensor, " N"]:
-        """The nearer of the two frames, the second one in their middle."""
+        """The nearer of the two frames; the second one at fraction 0.5."""
         return torch.where(self.fraction >= 0.5, self.after, self.before)
 
     def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
-        """Values of each frame, interpolated on a straight line."""
+        """Values of each frame, interpolated linearly."""
         start, end = values[self.before], values[self.after]
         fraction = self.fraction.to(values).reshape(-1, *[1] * (values.ndim - 1))
         return start + fraction * (end - start)
 
     def rotations(self, rotation: Float[Tensor, "T K 3 3"]) -> Float[Tensor, "N K 3 3"]:
-        """Rotation matrices, interpolated on the shorter arc."""
+        """Rotation matrices, interpolated spherically along the shorter arc."""
         fraction = self.fraction.to(rotation)[:, None]
         turned = interpolate_rotations(rotation[self.before], rotation[self.after], fraction)
         # At fraction 0 the frame itself is taken: the interpolation would round it.
@@ -64,11 +64,11 @@ def with_frames(
     points: Callable[[Tensor], Tensor],
     pose: Callable[[Tensor], Tensor],
 ) -> HandTrack:
-    """A track with other frames: numbers by `points`, axis-angle vectors by `pose`.
+    """A track resampled to N frames: axis-angle vectors by `pose`, other numbers by `points`.
 
     `valid` marks the new frames that count as observed.
     """
-    # of what a track has in each frame `valid` alone is no number
+    # `valid` is the only field per frame that is no floating point number
     moved = hand.map(lambda old: points(old) if old.is_floating_point() else valid, FRAMES)
     turns = None if hand.pose is None else pose(hand.pose)
     ray = None if moved.camera_ray is None else normalize(moved.camera_ray, dim=-1)
@@ -77,19 +77,19 @@ def with_frames(
 
 @dataclass(frozen=True)
 class Carrier:
-    """The motion of what carries a hand through the frames in which it is not seen."""
+    """The motion of an object that carries the hand through its unobserved frames."""
 
     pose: Rigid  # of T frames, to the world
     share: Float[Tensor, " T"]
-    """How surely it carries the hand, 0 to 1, in each frame in which the hand is seen."""
+    """Confidence, 0 to 1, that it carries the hand, in each frame where the hand is observed."""
 
 
 def fill_gaps(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
     """The same track with finite numbers in every frame; `valid` still says which were observed.
 
-    Points run on a straight line across a gap and rotations on the shorter arc; before the first
-    observed frame and after the last one the hand is held still. That is so in the world, and seen
-    from a carrier as far as that carries the hand beside the gap. Observed frames are not touched.
+    Across a gap points are interpolated linearly and rotations spherically; before the first and
+    after the last observed frame the hand rests. With a carrier, this is done both in the world and
+    in the carrier's frame, and blended by `Carrier.share` beside the gap. Observed frames are kept.
     The hand must be observed in at least one frame.
     """
     if bool(hand.valid.all()):
@@ -108,7 +108,7 @@ def fill_gaps(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
 
 
 def moved(hand: HandTrack, pose: Rigid) -> HandTrack:
-    """The hand after a motion of each frame; nothing else of the track changes."""
+    """The hand after a rigid motion in each frame; all but pose, wrist and keypoints is kept."""
 
     def turned(old: Tensor) -> Tensor:
         whole = matrix_to_axis_angle(pose.rotation @ matrices(old[:, 0]))
@@ -120,11 +120,11 @@ def moved(hand: HandTrack, pose: Rigid) -> HandTrack:
 
 
 def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
-    """The same track with places of the hand in every frame, which may be mixed with one another.
+    """The same track with a usable hand in every frame, so that frames may be averaged.
 
-    Frames without any confidence are gaps too, and not `valid`; `carrier` as for `fill_gaps`. A
-    keypoint without confidence lies on a straight line between the frames in which it has some;
-    where it never has any, it stays.
+    Frames without any confidence are gaps too, and not `valid`; `carrier` is as for `fill_gaps`. A
+    keypoint without confidence is interpolated linearly between the frames in which it has some; a
+    keypoint that never has any is kept as it is.
     """
     trusted, seen = hand.trust > 0, hand.observed
     filled = fill_gaps(replace(hand, valid=seen), carrier)
@@ -143,14 +143,14 @@ def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
 
 
 def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
-    """For each frame the nearest observed frames before and after it, and its place between."""
+    """For each frame the nearest observed frames before and after it, and the fraction between."""
     frames = torch.arange(len(valid), device=valid.device)
     observed = frames[valid]
     assert len(observed), "a hand that was never observed cannot be filled"
     after = torch.searchsorted(observed, frames).clamp(max=len(observed) - 1)
     before = (torch.searchsorted(observed, frames, right=True) - 1).clamp(min=0)
     start, end = observed[before], observed[after]
-    # Before the first and after the last observation both neighbours are the same frame.
+    # Before the first and after the last observed frame both neighbours are the same frame.
     fraction = torch.where(end > start, (frames - start) / (end - start), 0.0)
     return FrameInterpolation(start, end, fraction)
 
@@ -158,18 +158,18 @@ def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
 def palm_points(
     joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]
 ) -> tuple[Float[Tensor, "T 5 3"], Bool[Tensor, " T"]]:
-    """The wrist and the knuckles, on straight lines where one of them is not trusted; and where all
-    of them are."""
+    """The wrist and the knuckles, interpolated linearly in frames where one of them is not trusted,
+    and a mask of the frames where all are trusted."""
     known, points = trusted[:, PALM].all(-1), joints[:, PALM]
     return (observed_around(known).points(points) if bool(known.any()) else points), known
 
 
 def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None) -> ObjectTrack:
-    """An object's track with finite poses in every frame; its `valid` says which were observed.
+    """An object's track with finite poses in every frame; its `valid` marks the observed ones.
 
-    Poses that are NaN, `unset`, or not `observed`, were not. They run between the observed ones on
-    straight lines and shorter arcs; those that are not `valid` are filled already, and keep their
-    mark. A part that was never observed stands still at the origin.
+    Poses that are NaN, `unset`, or not `observed` count as missing and are interpolated, linearly
+    and spherically. Poses that are already not `valid` were filled before, and stay so. A part that
+    was never observed rests at the origin.
     """
     lost = motion.rotation.isnan().any(-1).any(-1) | motion.translation.isnan().any(-1)
     lost |= unset(motion)
@@ -186,8 +186,8 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
 
 
 def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
-    """Poses that are exactly the identity, between leaps: programs begin with arrays of them, which
-    stay where an object was not found."""
+    """Mask of poses that are exactly the identity, between leaps: programs often start from arrays
+    of identities, which remain where the object was not found."""
     upright = (motion.rotation == torch.eye(3).to(motion.rotation)).flatten(2).all(-1)
     still = upright & (motion.translation == 0).all(-1)
     if not bool(still.any()):
@@ -207,7 +207,7 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
 
 
 def filled_poses(motion: ObjectTrack) -> Iterator[str]:
-    """What a user should know about the poses that `fill_object` filled in."""
+    """Notes for the user about the poses that `fill_object` filled in."""
     for part, count in enumerate((~motion.observed).sum(0).tolist()):
         name = motion.name_of(part)
         if count == len(motion.rotation):

@@ -1,4 +1,4 @@
-"""Keypoints of a hand, also of one that is known by its pose alone, and axes of its palm."""
+"""Keypoints of a hand track, also of one with pose parameters alone, and axes of its palm."""
 
 from jaxtyping import Float
 from torch import Tensor
@@ -8,13 +8,13 @@ from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
 
 KNUCKLES = (5, 9, 13, 17)
-"""Keypoints at the roots of the four fingers."""
+"""Keypoints at the base of the four fingers."""
 PALM = (0, *KNUCKLES)
 """Keypoints that move with the palm: the wrist and the knuckles."""
 
 
 def keypoints_of(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a track, of a mean hand where it has none, metres, world frame."""
+    """Keypoints of a track, metres, world frame; from pose and mean shape where it stores none."""
     if hand.joints is not None:
         return hand.joints
     assert hand.pose is not None, "a track without joints has a pose"
@@ -24,6 +24,6 @@ def keypoints_of(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
 
 
 def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
-    """Axes of the window's mean palm as columns: along the palm, across it, and its normal."""
+    """Axes of the mean palm over the T frames as columns: along it, across it, and its normal."""
     wrist, middle, index, pinky = (joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
     return axes_along(middle - wrist, index - pinky)

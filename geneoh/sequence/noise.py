@@ -1,8 +1,8 @@
-"""Noise as hand trackers make it, drawn on pose parameters and posed with the hand's own skeleton.
+"""Noise like that of hand trackers, on pose parameters; keypoints follow by forward kinematics.
 
-Eight kinds. The first three are those of the papers, drawn anew in every frame; the others imitate
-the errors of real trackers: a constant bias, slow drift, bursts, lost frames, and all that an
-estimator in one fixed camera does.
+There are eight kinds. The first three, independent between frames, are those of the papers. The
+others imitate real trackers: a constant bias, slow drift, bursts, lost frames, and the combined
+errors of an estimator with one fixed camera.
 """
 
 import math
@@ -29,13 +29,13 @@ from geneoh.sequence.validation import without_collapsed
 DRIFT_FRAMES = 10.0
 """Correlation time of the drift in frames."""
 BURST_SHARE, BURST_FACTOR = 0.05, 9.0
-"""Share of the frames with a burst, and the factor by which their noise is larger."""
+"""Share of the frames with a burst, and the factor on their noise."""
 DROP_SHARE, DROP_SHORTEST, DROP_LONGEST = 0.15, 3, 7
 """Share of the frames that are lost in runs (some runs overlap), and the lengths of a run."""
 CAMERA_DEPTH_BLUNDER, CAMERA_FINGER_BLUNDER = 0.06, 3.0
-"""Metres of depth, and the factor of the fingers' noise, in frames in which a camera blunders."""
+"""Depth error in metres, and factor on the fingers' noise, in frames with a gross error."""
 DEPTH_FRAMES, CAMERA_FRAMES = 15.0, 8.0
-"""Correlation times of a camera's depth and of its angles in frames."""
+"""Correlation times of the drift of depth and of angles in the noise "camera", frames."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Sizes:
 
 
 CAMERA_LASTING = Sizes(0.004, 0.06, 0.12)
-"""Of the noise "camera", its constant part; the translation is across the ray."""
+"""Constant part of the noise "camera", to which `CAMERA_DEPTH` adds an error along the ray."""
 CAMERA_DRIFTING = Sizes(0.0, 0.08, 0.12)
 CAMERA_JITTER = Sizes(0.002, 0.02, 0.04)
 CAMERA_DEPTH = (0.025, 0.01, 0.003)
-"""Metres along the ray that last, drift and jitter."""
+"""Error along the ray in metres: its constant, its drifting and its white part."""
 
 SIZES: dict[Noise, Sizes] = {
     "gauss": Sizes(0.01, 0.05, 0.3),  # the paper's, for ARCTIC
@@ -73,7 +73,7 @@ SIZES: dict[Noise, Sizes] = {
 def corrupt_sequence(sequence: Sequence, noise: Noise, *, generator: torch.Generator) -> Sequence:
     """The sequence with every hand corrupted; its source names the noise and the seed.
 
-    Frames of zeros hold no hand: under noise nothing would tell them from one.
+    Frames of zeros are first marked as not valid: with noise on them they would look like a hand.
     """
     ray = draw_ray(generator=generator) if noise == "camera" else None
     clean = map(without_collapsed, sequence.hands)
@@ -91,12 +91,12 @@ def corrupt(
 ) -> HandTrack:
     """A noisy version of a clean track.
 
-    With a pose, noise is added to its axis-angle components, and the joints follow from the noisy
-    pose and the skeleton that the clean track was made with. Joints alone are turned about each
-    joint by the same amounts, in world axes. Lost frames are marked and hold NaN.
+    With a pose, noise is added to its axis-angle components, and the keypoints follow by forward
+    kinematics of the clean track's skeleton. Without one, the bones of the keypoints are rotated
+    about each joint by the same noise, in world axes. Lost frames are not valid and hold NaN.
 
-    `ray`, of the noise "camera", is the direction from the camera, which the noisy track knows; one
-    is drawn without it. The generator is one of the CPU.
+    `ray` is the viewing direction of the noise "camera", which the noisy track stores; by default a
+    random one. The generator must be on the CPU.
     """
     if noise == "camera":
         ray = draw_ray(generator=generator) if ray is None else ray
@@ -108,9 +108,9 @@ def corrupt(
 def perturbed(
     hand: HandTrack, offsets: Float[Tensor, "T 51"], keep: Bool[Tensor, " T"]
 ) -> HandTrack:
-    """A track with offsets as those of `draw_noise`; frames that are not kept are lost.
+    """A track with offsets of `draw_noise` added; frames that are not in `keep` are lost.
 
-    Its expected error, `joint_spread`, is not known any more.
+    `joint_spread` is removed, because it no longer holds.
     """
     shift, turn = offsets[:, :3], offsets[:, 3:].unflatten(-1, (16, 3))
 
@@ -128,11 +128,11 @@ def perturbed(
 def noisy_joints(
     hand: HandTrack, turn: Float[Tensor, "T 16 3"], shift: Float[Tensor, "T 3"]
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a track with turned joints and a shifted wrist; bones keep their length."""
+    """Keypoints of a track after rotating its joints and shifting its wrist; bone lengths stay."""
     assert hand.joints is not None, "asked for the joints of a track that has none"
     wrist = hand.joints[:, 0] + shift
     if hand.pose is None:
-        # Without a pose, the keypoints of each frame serve as the rest pose that is turned.
+        # Without a pose, the keypoints of each frame are the rest pose that is rotated.
         mano = hand.joints[:, list(MANO_FROM_OPENPOSE)]
         bones = mano[:, 1:] - mano[:, [*PARENTS[1:], *TIP_PARENTS]]
         return forward_kinematics(axis_angle_to_matrix(turn), wrist, bones)[0]
@@ -148,11 +148,11 @@ def draw_noise(
     batch: tuple[int, ...] = (),
     ray: Float[Tensor, "*B 3"] | None = None,
 ) -> tuple[Float[Tensor, "*B T 51"], Bool[Tensor, "*B T"]]:
-    """Additive noise on the hand's parameters, and which frames are kept.
+    """Additive noise on the hand's parameters, and a mask of the frames that are kept.
 
-    Offsets are on translation (3, metres), global rotation (3) and fingers (45, radians); the mask
+    Offsets are for translation (3, metres), global rotation (3) and fingers (45, radians); the mask
     is all true except for "drop" and "camera". Tracks of a batch have independent noise. `ray` is
-    for "camera", as in `corrupt`. The generator is one of the CPU: every device gets the same.
+    as in `corrupt`. The generator must be on the CPU, so that all devices get the same noise.
     """
     shape = (*batch, frames, 51)
     keep = torch.ones(shape[:-1], dtype=torch.bool)
@@ -188,7 +188,8 @@ def draw_beta(shape: tuple[int, ...], *, generator: torch.Generator) -> Float[Te
 def ornstein_uhlenbeck(
     white: Float[Tensor, "*B T D"], frames: float = DRIFT_FRAMES
 ) -> Float[Tensor, "*B T D"]:
-    """White noise turned into unit-variance noise of a correlation time in frames."""
+    """Stationary Ornstein-Uhlenbeck noise of unit variance, with a correlation time in frames,
+    from white noise."""
     stay = math.exp(-1 / frames)
     return with_memory(white, stay, math.sqrt(1 - stay**2))
 
@@ -198,7 +199,7 @@ def with_memory(
     stay: Float[Tensor, "*B 1"] | float,
     gain: Float[Tensor, "*B 1"] | float,
 ) -> Float[Tensor, "*B T D"]:
-    """Each frame times `gain`, plus `stay` times the result of the frame before it."""
+    """First-order recursive filter: y[t] = gain * x[t] + stay * y[t - 1], with y[0] = x[0]."""
     steps = [values[..., 0, :]]
     for t in range(1, values.shape[-2]):
         steps.append(stay * steps[-1] + gain * values[..., t, :])
@@ -225,10 +226,10 @@ def draw_runs(
     *,
     generator: torch.Generator,
 ) -> Bool[Tensor, "*B R T"]:
-    """Frames within random runs, one row per run.
+    """Masks of random runs of frames, one row per run.
 
-    `starts` are the first frame that a run may begin at and the one after the last, `runs` the
-    shape of the batch and the number of runs, `lengths` the shortest and longest run in frames.
+    A run begins at a frame from `starts[0]` to `starts[1] - 1`. `runs` is the shape of the batch
+    followed by the number of runs, `lengths` the shortest and longest run in frames.
     """
     start = torch.randint(*starts, (*runs, 1), generator=generator)
     length = torch.randint(lengths[0], lengths[1] + 1, (*runs, 1), generator=generator)
@@ -237,18 +238,18 @@ def draw_runs(
 
 
 def draw_ray(batch: tuple[int, ...] = (), *, generator: torch.Generator) -> Float[Tensor, "*B 3"]:
-    """Unit directions from cameras to the scene, all equally probable."""
+    """Unit viewing directions, uniform on the sphere."""
     return normalize(torch.randn((*batch, 3), generator=generator), dim=-1)
 
 
 def draw_camera(
     ray: Float[Tensor, "*B 3"], frames: int, *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "*B T 51"], Bool[Tensor, "*B T"]]:
-    """What a hand estimator in one fixed camera does: its error is along the ray and lasts.
+    """Noise of a hand estimator with one fixed camera: mostly along the ray, and lasting.
 
-    Depth and angles are off by a constant, drift and jitter. In runs of 1 to 3 frames (about 3%)
-    it blunders, and runs of 2 to 6 frames (about 5%) are missing; clips under ten frames lose none.
-    `ray` is the unit direction from the camera, far away, to the hand.
+    Depth and angles have a constant, a drifting and a white error. Runs of 1 to 3 frames (about 3%)
+    have gross errors, runs of 2 to 6 frames (about 5%) are missing, none in clips under ten frames.
+    `ray` is the unit direction from the camera, taken as far away, to the hand.
     """
     batch = ray.shape[:-1]
 

@@ -1,4 +1,4 @@
-"""Normalisation to what the networks have learned, right hands at 30 frames a second, and back."""
+"""Normalisation to right hands at 30 frames a second, as the networks learned them, and back."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from geneoh.sequence.resample import at_rate, averaged, hand_over_frames, neares
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 NETWORK_FPS = 30.0
-"""Frames a second of all data that the networks learn from."""
+"""Frame rate of all training data of the networks."""
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,13 @@ class NormalisedHand(Bundle):
     """One hand of a sequence and its object, as a right hand at 30 frames a second.
 
     Left hands are mirrored with their object, x -> -x, and other frame rates are resampled. The
-    `to_user` methods take results back to the side and the frames of the sequence.
+    `to_user` methods transform results back to the side and the frames of the sequence.
     """
 
     track: HandTrack
     object: ObjectTrack
     fps: float
-    """Exact rate of the resampled frames: 30, or near it where the length is no whole number."""
+    """Exact frame rate after resampling: 30, or near it, as the number of frames is whole."""
     side: Side
     """Side of the hand in the sequence."""
     user_frames: int
@@ -39,16 +39,16 @@ class NormalisedHand(Bundle):
         return self.side == "left"
 
     def right_model(self, model: HandModel) -> HandModel:
-        """The model of the user's side as that of a right hand."""
+        """A hand model of the sequence's side as the model of a right hand."""
         return model.mirrored() if self.mirrored else model
 
     def track_to_user(self, track: HandTrack) -> HandTrack:
-        """A result on the side and in the frames of the sequence."""
+        """A resulting track, mirrored and resampled back to the sequence."""
         back = hand_over_frames(track, self.user_frames)
         return back.mirrored() if self.mirrored else back
 
     def points_to_user(self, points: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3"]:
-        """Points on the side of the sequence; their frames stay those of the networks."""
+        """Points, mirrored back to the side of the sequence but not resampled."""
         return mirror_points(points) if self.mirrored else points
 
     def frames_to_user(self, values: Shaped[Tensor, "N ..."]) -> Shaped[Tensor, "T ..."]:
@@ -57,9 +57,9 @@ class NormalisedHand(Bundle):
 
 
 def normalised_hands(sequence: Sequence, fps: float = NETWORK_FPS) -> tuple[NormalisedHand, ...]:
-    """Every hand of a sequence as the networks know hands; both share the resampled frames.
+    """Every hand of a sequence, normalised for the networks; both share the resampled frames.
 
-    Of a higher rate every frame has a say: those of the networks are means.
+    Frames of a higher rate are averaged and not dropped.
     """
     paced, found = at_rate(averaged(sequence, fps), fps), []
     for hand in paced.hands:

@@ -1,9 +1,9 @@
 """Noise on the poses of an object, as pose estimators make it.
 
-Half of the noise of "shaky_2" (2 degrees, 4 mm) and "shaky_10" (five times that) is drawn anew in
-every frame, half drifts. "flips" is 1 degree and 2 mm, and in short runs of frames any turn about
-one axis, as estimators of nearly round objects give. "lost" is 1 degree and 2 mm, and short runs of
-frames have no pose.
+In "shaky_2" (2 degrees, 4 mm) and "shaky_10" (five times that) half of the variance is white noise,
+half drift. "flips" has 1 degree and 2 mm, and in short runs of frames a random rotation about one
+axis, as estimators of nearly round objects give. "lost" has 1 degree and 2 mm, and short runs of
+frames without a pose.
 """
 
 import math
@@ -23,9 +23,9 @@ from geneoh.sequence.sequence import Sequence
 DEGREES: dict[ObjectNoise, float] = {"shaky_2": 2.0, "shaky_10": 10.0, "flips": 1.0, "lost": 1.0}
 """Root mean square angle of the noise of the rotation, in degrees."""
 METRES_PER_DEGREE = 0.002
-"""Root mean square length of the noise of the translation for each degree of the rotation's."""
+"""Root mean square length of the translation noise per degree of rotation noise, metres."""
 DRIFT_FRAMES = 15.0
-"""Correlation time of the half that drifts, in frames."""
+"""Correlation time of the drift, frames."""
 FLIP_SHARE, LONGEST_FLIP = 0.3, 12
 """Share of the frames with a flip (some runs overlap), and the longest run of them."""
 
@@ -36,7 +36,7 @@ LOST_SHARE, LOST_SHORTEST, LOST_LONGEST = 0.15, 3, 10
 def corrupt_object(
     sequence: Sequence, noise: ObjectNoise, *, generator: torch.Generator
 ) -> Sequence:
-    """The sequence with noisy poses of its object; all parts get noise of their own.
+    """The sequence with noisy poses of its object; the parts get independent noise.
 
     Raises:
         InputError: no pose of an object is known.
@@ -67,9 +67,9 @@ def draw_object_noise(
     *,
     generator: torch.Generator,
 ) -> tuple[Float[Tensor, "T 3"], Float[Tensor, "T 3"]]:
-    """Turns in the object's frame, axis-angle in radians, and shifts in the world, metres.
+    """Rotations in the object frame, axis-angle in radians, and shifts in the world frame, metres.
 
-    Frames without a pose hold NaN. Flips are about one axis, any unless it is given.
+    Frames without a pose hold NaN. All flips are about the axis `about`, a random one by default.
     """
 
     def white_and_drift(size: float) -> Float[Tensor, "T 3"]:

@@ -1,7 +1,7 @@
-"""Poses of an object that repeat the one before while it moves, as of a slower sensor or video.
+"""Repeated poses of a moving object, as from a sensor or video with a lower frame rate.
 
-Programs that bring poses to the rate of the hand often take the nearest one. The object then stands
-still for a frame and leaps in the next, and shakes the hand that is seen from it.
+Programs that resample poses to the frame rate of the hand often take the nearest one. The object
+then rests for a frame and leaps in the next, and the hand shakes in the object frame.
 """
 
 from collections.abc import Iterator
@@ -17,17 +17,17 @@ from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
 LEAP, LEVER = 0.002, 0.07
-"""Metres of a step from which on the object moves, and metres for which a change of its rotation
-matrix counts: by √2 for each radian, which moves a point that is 10 cm off by as much as 10 cm."""
+"""Least step of a moving object in metres, and the metres that a unit change of its rotation matrix
+counts for: the matrix changes by √2 per radian, so a radian counts like 10 cm."""
 FEWEST, FEWEST_BRIEF, BRIEF, LONGER = 5, 3, 4, 2
-"""Stops between leaps that are no chance, and fewer where most last at most so many frames; and how
-many times their median length one may last: a longer one is a rest."""
+"""Least number of stops that are not by chance, in general and where the median stop lasts at most
+`BRIEF` frames; and the largest ratio of a stop to the median: a longer one is a true rest."""
 
 
 def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
-    """The track with poses between the others in place of repeated ones, and what to say of it.
+    """The track with repeated poses replaced by interpolated ones, and notes about them.
 
-    Repeated poses are not `valid` in it.
+    The replaced poses are not `valid`.
     """
     repeats = repeated_poses(motion)
     if not bool(repeats.any()):
@@ -37,7 +37,7 @@ def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
 
 
 def repeats_told(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -> Iterator[str]:
-    """What a user should know of repeated poses, part by part, with what is done or to do."""
+    """Notes for the user about repeated poses, one per part; `cure` ends each of them."""
     for part, count in enumerate(repeats.sum(0).tolist()):
         if count:
             yield (
@@ -47,7 +47,7 @@ def repeats_told(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -
 
 
 def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
-    """Poses that are exactly the one before, between leaps; none where that is rare."""
+    """Mask of the poses that exactly equal the one before, between leaps; empty if that is rare."""
     seen = motion.observed.cpu()
     found = torch.zeros_like(seen)
     steps = torch.cat([motion.translation, LEVER * motion.rotation.flatten(2)], -1).diff(dim=0)
@@ -63,9 +63,9 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
 
 
 def goes_on(steps: Float[Tensor, "N D"], stop: slice) -> bool:
-    """Whether steps are leaps before and after a stop, in the same direction.
+    """Whether the steps before and after a stop are leaps in the same direction.
 
-    What turns back does stand still for a moment.
+    An object that reverses its direction truly rests for a moment.
     """
     if stop.start == 0 or stop.stop == len(steps):
         return False

@@ -1,4 +1,4 @@
-"""The same motion at other frame rates."""
+"""Resampling of sequences and tracks to other frame rates."""
 
 from dataclasses import dataclass, replace
 
@@ -17,23 +17,23 @@ from geneoh.sequence.gaps import FrameInterpolation, blendable, with_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 MOST_FRAMES = 108_000
-"""Frames that resampling makes at most: an hour at 30 frames a second."""
+"""Most frames that resampling makes: an hour at 30 frames a second."""
 
 FPS_DIGITS = 6
-"""Decimals kept of a frame rate, so that going back lands on the rate one came from."""
+"""Decimals of a frame rate, so that resampling back gives exactly the original rate."""
 
 
 def nearest_frames(before: int, after: int) -> Int[Tensor, " N"]:
-    """For each of `after` frames the nearest in time of `before` frames over the same time."""
+    """For each of `after` frames, the nearest of `before` frames that span the same time."""
     return torch.linspace(0, before - 1, after, dtype=torch.float64).round().long()
 
 
 def at_rate(sequence: Sequence, fps: float) -> Sequence:
     """The same motion at `fps` frames a second; the sequence itself when it has that rate.
 
-    The first and the last moment stay frames, so the rate is met up to half a frame over the whole
-    length; `Sequence.fps` of the result is the exact one. A clip that lasts less than a frame of
-    the new rate keeps both of its ends. `InputError` for more than `MOST_FRAMES` frames.
+    The first and the last frame keep their times, so the number of frames is rounded, and
+    `Sequence.fps` of the result is the exact rate. A clip shorter than a frame of the new rate
+    keeps its first and last frame. `InputError` for more than `MOST_FRAMES` frames.
     """
     if fps == sequence.fps or sequence.frames == 1:
         return sequence
@@ -49,23 +49,23 @@ def at_rate(sequence: Sequence, fps: float) -> Sequence:
 
 def evenly(before: int, after: int, device: torch.device | str = "cpu") -> FrameInterpolation:
     """`after` instants, two or more, spread evenly over the time of `before` frames."""
-    # In float64 and by one division, so that instants which fall on a frame do so exactly.
+    # In float64 and with one division, so that instants on a frame have exactly fraction 0.
     place = torch.arange(after, dtype=torch.float64, device=device) * (before - 1) / (after - 1)
     return instants(place, before)
 
 
 def instants(time: Float[Tensor, " N"], frames: int) -> FrameInterpolation:
-    """Times in frames from the start of a track of so many frames."""
+    """Instants of a track of `frames` frames at times in frames from its start."""
     start = time.floor().long().clamp(0, frames - 1)
     return FrameInterpolation(start, (start + 1).clamp(max=frames - 1), time - start)
 
 
 def over_frames(sequence: Sequence, frames: int) -> Sequence:
-    """The same motion, over the same time, in another number of frames.
+    """The same motion over the same time, in another number of frames.
 
-    Points are interpolated linearly and rotations on the shorter arc, with gaps filled before; a
-    new frame is valid where the nearest old one is and has some confidence. With the old number of
-    frames it is the inverse of `at_rate`.
+    Gaps are filled first; then points are interpolated linearly and rotations spherically. A new
+    frame is valid where the nearest old one is and has some confidence. With the original number
+    of frames it undoes `at_rate`.
     """
     if frames == sequence.frames:
         return sequence
@@ -80,11 +80,11 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
 
 
 def hand_over_frames(hand: HandTrack, frames: int) -> HandTrack:
-    """A clean hand over the same time in another number of frames, two or more on both sides.
+    """A clean hand over the same time in another number of frames; both numbers are two or more.
 
-    It moves on curves through the old frames, because straight lines between them have a corner at
-    each, which is seen at 60 frames a second or more. What is no place or rotation is interpolated
-    linearly; `valid` is as in `over_frames`.
+    Positions and rotations follow cubic curves, because the corners of linear interpolation are
+    visible at 60 frames a second or more. Other fields are interpolated linearly; `valid` is as in
+    `over_frames`.
     """
     if frames == hand.frames:
         return hand
@@ -99,7 +99,7 @@ def hand_over_frames(hand: HandTrack, frames: int) -> HandTrack:
 def rotations_over_frames(
     rotation: Float[Tensor, "T K 3 3"], frames: int
 ) -> Float[Tensor, "N K 3 3"]:
-    """Rotations over the same time in another number of frames, on curves as `hand_over_frames`."""
+    """Rotations over the same time in another number of frames, on cubic curves."""
     if frames == len(rotation):
         return rotation
     between = evenly(len(rotation), frames, rotation.device)
@@ -108,11 +108,11 @@ def rotations_over_frames(
 
 @dataclass(frozen=True)
 class CurvedInterpolation(FrameInterpolation):
-    """Instants of a track of two or more frames, on cubic curves whose velocity at each frame is
-    that between its neighbours (Catmull-Rom)."""
+    """Catmull-Rom interpolation of a track of two or more frames: cubic curves whose velocity at
+    each frame is the central difference of its neighbours."""
 
     def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
-        """Values of each frame, interpolated; the first and the last step go on beyond the ends."""
+        """Values of each frame, interpolated; the first and last step are extrapolated linearly."""
         first, last = 2 * values[:1] - values[1:2], 2 * values[-1:] - values[-2:-1]
         wide = torch.cat([first, values, last])
         f = self.fraction.to(values).reshape(-1, *[1] * (values.ndim - 1))
@@ -122,7 +122,7 @@ class CurvedInterpolation(FrameInterpolation):
             f * (f * (4 - 3 * f) + 1) / 2,
             f * f * (f - 1) / 2,
         )
-        # the last frame has no second one behind it, and the weight of that is zero
+        # beyond the last frame the index is clamped; the weight there is zero
         around = [(self.before + step).clamp(max=len(wide) - 1) for step in range(4)]
         total = torch.zeros_like(wide[around[0]])
         for weight, frame in zip(weights, around, strict=True):
@@ -130,20 +130,20 @@ class CurvedInterpolation(FrameInterpolation):
         return total
 
     def rotations(self, rotation: Float[Tensor, "T K 3 3"]) -> Float[Tensor, "N K 3 3"]:
-        """The rotations that are nearest to interpolated matrices."""
+        """The rotations nearest to interpolated matrices."""
         exact = (self.fraction == 0)[:, None, None, None]
         return torch.where(exact, rotation[self.before], nearest_rotations(self.points(rotation)))
 
 
 def at_times(sequence: Sequence, time: Float[Tensor, " N"]) -> Sequence:
-    """The same motion at times in frames from its start, one for each frame of the result."""
+    """The same motion at N times, in frames from its start; one frame of the result for each."""
     return _interpolated(sequence, instants(time, sequence.frames))
 
 
 def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
-    """The sequence with hands that come `delay` frames earlier, or later where it is negative.
+    """The sequence with hands shifted `delay` frames earlier, or later where it is negative.
 
-    Frames for which there is no hand then count as missing. `InputError` where all of them do.
+    Frames without a hand after the shift are not valid; `InputError` where no valid one remains.
     """
     if delay == 0:
         return sequence
@@ -157,7 +157,7 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
 
 
 def hand_earlier(hand: HandTrack, delay: float | int) -> HandTrack:
-    """The same of one hand, which may then be in no frame."""
+    """One hand shifted `delay` frames earlier; it may then be valid in no frame."""
     last = hand.frames - 1
     wanted = torch.arange(last + 1, dtype=torch.float64, device=hand.valid.device) + delay
     time = wanted.nan_to_num().clamp(0, last)
@@ -184,9 +184,9 @@ def _interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
 def without_short_gaps(
     valid: Bool[Tensor, " T"], between: FrameInterpolation
 ) -> Bool[Tensor, " T"]:
-    """The valid frames and those of gaps that are shorter than the time between two instants.
+    """The valid frames, and the frames of gaps that are shorter than the time between two instants.
 
-    Else a hand that is found in every fourth frame may be in none of a quarter of the frames.
+    Otherwise a hand found in every fourth frame could be lost in all frames of a quarter rate.
     """
     apart = (len(valid) - 1) / max(len(between.before) - 1, 1)
     reach = int(apart / 2 + 0.25)  # 59.94 frames a second count as 60
@@ -195,10 +195,11 @@ def without_short_gaps(
 
 
 def averaged(sequence: Sequence, fps: float) -> Sequence:
-    """The sequence with every frame the mean over 1 / `fps` seconds around it, gaps filled before.
+    """The sequence with every frame averaged over 1 / `fps` seconds around it, after filling gaps.
 
-    White noise of q frames a frame of the lower rate falls by the root of q. The sequence itself
-    where it has no higher rate. Towards both ends means are over less, as much to either side.
+    With q frames per frame of the lower rate, white noise falls by the square root of q. A sequence
+    of no higher rate is returned as it is. Towards both ends the averaging window shrinks, and
+    stays symmetric.
     """
     if sequence.fps <= fps:
         return sequence
@@ -217,13 +218,13 @@ def averaged(sequence: Sequence, fps: float) -> Sequence:
 
 @dataclass(frozen=True)
 class FrameMean:
-    """Means over a time of `width` frames, more than one, around each of some frames."""
+    """Moving average with a window of `width` frames, more than one, centred on each frame."""
 
     frames: int
     width: float
 
     def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "T ..."]:
-        """The means of values."""
+        """The moving average of values."""
         frames = torch.arange(self.frames, device=values.device)
         to_ends = torch.minimum(frames, frames.flip(0)) + 0.5
         half = to_ends.clamp(max=self.width / 2)
@@ -236,9 +237,9 @@ class FrameMean:
         return total
 
     def rotations(self, rotation: Float[Tensor, "T *N 3 3"]) -> Float[Tensor, "T *N 3 3"]:
-        """The rotations that are nearest to the means of matrices."""
+        """The rotations nearest to the moving average of matrices."""
         return nearest_rotations(self.points(rotation))
 
     def pose(self, pose: Float[Tensor, "T K 3"]) -> Float[Tensor, "T K 3"]:
-        """The means of axis-angle vectors, as rotations."""
+        """The moving average of axis-angle vectors, taken over their rotations."""
         return matrix_to_axis_angle(self.rotations(axis_angle_to_matrix(pose)))

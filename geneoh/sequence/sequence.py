@@ -33,9 +33,9 @@ class HandTrack(Bundle):
     betas: Float[Tensor, " 10"] | None = None
     """Shape coefficients; they mean something only to `hand_model`."""
     hand_model: str | None = None
-    """"embedded", "mano" or, for left hands by the official left file, "mano-as-shipped"."""
+    """"embedded", "mano", or "mano-as-shipped" for left betas of the official left MANO file."""
     confidence: Float[Tensor, "T 21"] | None = None
-    """Trust in each keypoint, 0 to 1."""
+    """Confidence of each keypoint, 0 to 1."""
     joint_spread: Float[Tensor, "T 21"] | None = None
     """Expected root mean square error of each keypoint in metres; None where it is not known.
 
@@ -51,11 +51,11 @@ class HandTrack(Bundle):
     __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
-        """What equal tracks have in common."""
+        """A hash of side and length, which equal tracks share."""
         return hash((self.side, len(self.valid)))
 
     def __post_init__(self) -> None:
-        """Take arrays and lists, and refuse a track without a usable description of the hand."""
+        """Convert arrays and lists, and refuse a track that has neither keypoints nor a pose."""
         if self.side not in SIDES:
             raise InputError(f"a hand's side must be 'left' or 'right', got {self.side!r:.60}")
         conform(self, f"the {self.side} hand")
@@ -70,7 +70,7 @@ class HandTrack(Bundle):
     def trust(self) -> Float[Tensor, "T 21"]:
         """Weight of each keypoint: 0 in frames without the hand, else its confidence, or 1.
 
-        A confidence of zero everywhere tells nothing, and is left out.
+        A confidence of zero everywhere has no information and is ignored.
         """
         there = self.valid[:, None].float().expand(-1, 21)
         if self.confidence is None:
@@ -95,13 +95,13 @@ class HandTrack(Bundle):
         return replace(found, side=OTHER_SIDE[self.side])
 
     def changed(self, **how: Callable[[Tensor], Tensor]) -> "HandTrack":
-        """The track with functions applied to some of its fields, as far as it has them."""
+        """The track with a function applied to each named field that is not None."""
         known = {name: getattr(self, name) for name in how}
         return replace(self, **{n: how[n](old) for n, old in known.items() if old is not None})
 
 
 def refuse_unknown_model(hand_model: str | None, where: str) -> None:
-    """`InputError` for betas of a hand model that does not exist; None says nothing of them."""
+    """`InputError` for an unknown hand model; None, for betas of an unknown model, is fine."""
     if hand_model not in (None, *HAND_SOURCES):
         raise InputError(
             f"{where}: 'hand_model' must be one of {', '.join(HAND_SOURCES)}, got "
@@ -119,24 +119,24 @@ class ObjectTrack(Bundle):
     valid: Bool[Tensor, "T Q"] | None = None
     """False where a part's pose was not observed and is filled in; None where all were observed."""
     missing: str = ""
-    """Why the meshes that its file names are not here, in words; empty where it names none."""
+    """Why the meshes that its file names could not be read, in words; else empty."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
-        """What equal tracks have in common."""
+        """A hash of meshes and length, which equal tracks share."""
         return hash((self.meshes, len(self.rotation)))
 
     @classmethod
     def resting(cls, meshes: tuple[Mesh, ...], frames: int) -> "ObjectTrack":
-        """An object that stands still at the origin; without a mesh none at all, in no frame."""
+        """An object at rest at the origin; without a mesh, no object: no pose is valid."""
         upright = torch.eye(3).expand(frames, max(1, len(meshes)), 3, 3).clone()
         valid = None if meshes else torch.zeros(upright.shape[:2], dtype=torch.bool)
         return cls(meshes, upright, torch.zeros(upright.shape[:3]), valid)
 
     def __post_init__(self) -> None:
-        """Take arrays and lists, one mesh or its file, and motion without the axis of parts."""
+        """Convert arrays and lists, one mesh or its file, and poses without the axis Q of parts."""
         object.__setattr__(self, "meshes", meshes_of(self.meshes))
         for name, axes in (("rotation", 3), ("translation", 2)):
             motion = getattr(self, name)
@@ -146,7 +146,7 @@ class ObjectTrack(Bundle):
 
     @property
     def observed(self) -> Bool[Tensor, "T Q"]:
-        """The poses that were observed, and not filled in."""
+        """Mask of the poses that were observed, not filled in."""
         if self.valid is not None:
             return self.valid
         return self.rotation.new_ones(self.rotation.shape[:2], dtype=torch.bool)
@@ -169,11 +169,11 @@ class ObjectTrack(Bundle):
         return torch.nonzero(self.valid.any(0))[:, 0].tolist()
 
     def name_of(self, part: int) -> str:
-        """What a part is called in sentences."""
+        """The name of a part in messages."""
         return "the object" if len(self.meshes) == 1 else f"part {part + 1} of the object"
 
     def seen_from(self, part: int, points: Float[Tensor, "T P 3"]) -> Float[Tensor, "T P 3"]:
-        """Points of the world in each frame, in the frame of a part, metres."""
+        """Points of the world frame, transformed to the frame of a part in each frame, metres."""
         return (points - self.translation[:, part, None]) @ self.rotation[:, part]
 
     def of_parts(self, parts: list[int]) -> "ObjectTrack":
@@ -193,7 +193,7 @@ class ObjectTrack(Bundle):
         return replace(self, meshes=meshes, rotation=rotation, translation=translation)
 
     def surface(self) -> MovingSurface:
-        """What tells distances to it; builds the trees of its meshes."""
+        """The moving surface for distance queries; builds the search trees of the meshes."""
         fields = tuple(SurfaceDistance(mesh) for mesh in self.meshes)
         return MovingSurface(fields, self.rotation, self.translation)
 
@@ -203,14 +203,14 @@ class Sequence(Bundle):
     """Hands and object that share T frames at `fps` frames a second."""
 
     hands: tuple[HandTrack, ...]
-    """At most one of each side: the right one first from `load` and `from_arrays`, in either order
-    from `read`, the left one first where they are generated. `hand` gives that of one side."""
+    """At most one of each side; use `hand` to get one by its side. The right hand comes first from
+    `load` and `from_arrays`, the left hand from generators; from `read` the order varies."""
     object: ObjectTrack
     fps: float
     source: str = ""
     """Where it came from, in words a person can use: a file name and the layout that was read."""
     left_out: str = ""
-    """What its file holds that no sequence has, such as a body, in words; empty where nothing."""
+    """What the file holds that a sequence cannot, such as a body, in words; else empty."""
 
     def __post_init__(self) -> None:
         """Take one hand or a list of hands, and any number as the rate."""
@@ -238,7 +238,7 @@ class Sequence(Bundle):
     __eq__ = equal_values
 
     def __getitem__(self, frames: Index) -> "Sequence":
-        """The chosen frames; every n-th of them come at an n-th of the rate."""
+        """The chosen frames; a step of n frames divides the frame rate by n."""
         return replace(super().__getitem__(frames), fps=self.fps / step_of(frames))
 
     @property
@@ -255,7 +255,7 @@ class Sequence(Bundle):
 
 
 def step_of(frames: Index) -> int:
-    """How many frames apart the chosen ones are; 1 where that differs."""
+    """The constant step between chosen frames; 1 where it varies or is not positive."""
     if isinstance(frames, slice):
         return frames.step or 1
     chosen = frames.cpu().numpy() if isinstance(frames, Tensor) else np.asarray(frames)

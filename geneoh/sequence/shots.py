@@ -10,14 +10,14 @@ from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack
 
 LEAP, LARGER = 0.15, 3.0
-"""Metres that a hand leaps at a cut, more below 30 frames a second, and how many times as far as in
-any step of the frames around."""
+"""Least leap of a hand at a cut, metres (larger below 30 frames a second), and its least ratio to
+every step around it."""
 LASTING, AROUND = 2 / 3, 5
-"""Seconds for which it stays, on either side, and steps around it that tell how it moves."""
+"""Seconds for which the hand stays on either side of a cut, and steps compared on either side."""
 
 
 def shots_of(hand: HandTrack, fps: float) -> list[slice]:
-    """The shots of a track: all of it where nothing shows a cut.
+    """The shots of a track as slices; one slice where no cut is found.
 
     Frames without the hand beside a cut belong to the shot before it.
     """
@@ -34,10 +34,10 @@ def shots_of(hand: HandTrack, fps: float) -> list[slice]:
 def is_cut(
     place: Float[np.ndarray, "N 3"], steps: Float[np.ndarray, " M"], last: int, lasting: int
 ) -> bool:
-    """Whether the video was cut behind the `last` frame of a shot, by the N frames with the hand.
+    """Whether the video was cut after frame `last` of the N frames with the hand.
 
-    The step behind it is larger than those around it, and no way leads back: the hand stays on
-    either side for `lasting` frames.
+    At a cut the step is larger than those around it, and the hand does not come back: for
+    `lasting` frames it stays more than half of the leap away from the other side.
     """
     before, after = place[: last + 1][-lasting:], place[last + 1 :][:lasting]
     around = [0.0, *steps[:last][-AROUND:], *steps[last + 1 :][:AROUND]]

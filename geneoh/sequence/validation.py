@@ -1,7 +1,7 @@
 """Plausibility of a sequence: metres, radians, rigid motion, a hand that comes near its object.
 
-Shapes and finite hands are checked where tracks are built; here the size of the numbers is checked.
-The limits lie far outside of what a hand does, so that noise does not reach them.
+Shapes are checked where tracks are built, magnitudes here. The limits are far outside the range of
+hand motion, so that noise does not reach them.
 """
 
 from dataclasses import replace
@@ -18,38 +18,38 @@ from geneoh.sequence.distance_check import WRIST_FROM_ORIGIN, check_distance, le
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LARGEST_ANGLE = 4 * torch.pi
-"""Largest length of an axis-angle vector, radians. Half a turn describes every rotation; vectors in
+"""Largest length of an axis-angle vector, radians. Pi is enough for every rotation; vectors in
 degrees are longer."""
 
 SMALLEST_FPS, LARGEST_FPS = 1.0, 1000.0
-"""Limits of the frame rate. Between frames that are more than a second apart no motion is known."""
+"""Range of the frame rate. Frames more than a second apart say nothing about the motion between."""
 
 FARTHEST_POINT = 1e4
-"""Largest coordinate in metres; at ten kilometres float32 has steps of a millimetre."""
+"""Largest coordinate in metres; at ten kilometres float32 resolves about a millimetre."""
 
 FARTHEST_SCENE = 100.0
 """Distance in metres from the world's origin beyond which hardly any recording takes place."""
 
 UNIT_TOLERANCE = 1e-3
-"""Largest difference from 1 of the length of a direction."""
+"""Largest deviation from 1 of the length of a unit vector."""
 
 WRIST_APART = 0.1
-"""Largest distance in metres between a given wrist and the first keypoint, in the median."""
+"""Largest median distance between `wrist` and the first keypoint, metres."""
 
 COLLAPSED = 0.01
-"""Metres within which all keypoints of a frame lie that holds no hand: some trackers write zeros
+"""Extent in metres below which the keypoints of a frame are no hand: some trackers write zeros
 where they found none."""
 
 IN_MM = 40
-"""Span of a hand from which on its numbers are millimetres: in centimetres it is half as much."""
+"""Span of a hand above which its unit is millimetres; in centimetres it is about half of this."""
 
 FLAT = 0.02
-"""Share of the largest extent of the keypoints along an axis that the smallest is below where they
-lie in a plane, as those of a picture do; in the recording it is a fifth and more."""
+"""Ratio of the smallest to the largest extent of keypoints along the axes, below which they lie in
+a plane, as 2D keypoints do; in the example recording it is a fifth and more."""
 
 
 def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
-    """Observed frames in which all keypoints are in one place, or all parameters zero."""
+    """Mask of valid frames in which all keypoints coincide, or all pose parameters are zero."""
     empty = torch.zeros_like(hand.valid)
     if hand.joints is not None:
         empty = (hand.joints.amax(1) - hand.joints.amin(1)).amax(-1) < COLLAPSED
@@ -60,7 +60,7 @@ def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
 
 
 def without_collapsed(hand: HandTrack) -> HandTrack:
-    """The track whose collapsed frames count as missing, unless all of them are."""
+    """The track with its collapsed frames not valid, unless no valid frame would remain."""
     lost = collapsed(hand)
     return replace(hand, valid=hand.valid & ~lost) if bool((hand.valid & ~lost).any()) else hand
 
@@ -68,8 +68,8 @@ def without_collapsed(hand: HandTrack) -> HandTrack:
 def check_sequence(sequence: Sequence, name: str = "") -> None:
     """Refuse a sequence that cannot be an interaction in metres, radians and frames a second.
 
-    `name` is that of the sequence in messages, by default its source. `InputError` tells the first
-    fault that is found, with its remedy. Hands must be finite wherever they are valid.
+    `name` is the name of the sequence in messages, by default its source. `InputError` reports the
+    first fault and its remedy. Hands must be finite wherever they are valid.
     """
     name = name or sequence.source or "the sequence"
     check_tracks(sequence, name)
@@ -83,13 +83,13 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
     for hand in sequence.hands:
         check_hand(hand, name)
     check_object(sequence.object, name)
-    # The other hand of one who holds something may hang far away from it.
+    # The second hand may be far away from the object, so only the nearer one is checked.
     nearest = min(sequence.hands, key=lambda hand: least_distance(hand, sequence.object))
     check_distance(nearest, sequence.object, name)
 
 
 def check_tracks(sequence: Sequence, name: str = "") -> None:
-    """Refuse hands that no file holds and no page shows: none, two of a side, of other frames."""
+    """Refuse a sequence without hands or frames, with two hands of one side or unequal lengths."""
     name = name or sequence.source or "the sequence"
     sides = [hand.side for hand in sequence.hands]
     if not sides or len(set(sides)) < len(sides):
@@ -160,8 +160,8 @@ def check_wrist(
 
 
 def check_angles(hand: HandTrack, pose: Float[Tensor, "T 16 3"], name: str) -> None:
-    """Refuse a pose that is not in radians: in degrees a finger is bent by more in most frames,
-    while a tracker that fails gives such angles in a few."""
+    """Refuse a pose that is not in radians, by its largest angle in the median frame: degrees are
+    too large in most frames, failures of a tracker only in few."""
     angle = float(pose[hand.valid].norm(dim=-1).amax(-1).median())
     if angle > LARGEST_ANGLE:
         raise InputError(
@@ -171,7 +171,7 @@ def check_angles(hand: HandTrack, pose: Float[Tensor, "T 16 3"], name: str) -> N
 
 
 def check_rays(hand: HandTrack, ray: Tensor, name: str) -> None:
-    """Refuse directions from the camera that are not one of length 1 for each frame."""
+    """Refuse viewing rays that are not one unit vector per frame."""
     lengths = ray.norm(dim=-1)
     if ray.shape != (hand.frames, 3) or not bool(((lengths - 1).abs() < UNIT_TOLERANCE).all()):
         raise InputError(
@@ -182,9 +182,9 @@ def check_rays(hand: HandTrack, ray: Tensor, name: str) -> None:
 
 
 def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> None:
-    """Refuse keypoints that are all in one place, or no hand in metres."""
+    """Refuse keypoints that all coincide, or whose span is not that of a hand in metres."""
     span = float(hand_span(joints[without_collapsed(hand).valid]))
-    if span > LARGEST_HAND:  # what has no confidence may be anywhere
+    if span > LARGEST_HAND:  # keypoints without confidence may be anywhere
         sure = joints.masked_fill(~(hand.trust > 0)[..., None], torch.nan)
         span = max(float(hand_span(sure[hand.observed])), SMALLEST_HAND)
     if span == 0:
@@ -209,7 +209,7 @@ def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> N
 
 
 def lies_flat(joints: Float[Tensor, "T 21 3"]) -> bool:
-    """Whether the keypoints lie almost in a plane across an axis, as pixels with a score do."""
+    """Whether keypoints lie in a plane across an axis, as pixel coordinates with a score do."""
     extent = joints.amax(1) - joints.amin(1)
     return 0 < float((extent.amin(-1) / extent.amax(-1)).nanmedian()) < FLAT
 
@@ -224,7 +224,7 @@ def check_finite(values: Float[Tensor, "T ..."], what: str, name: str) -> None:
 
 
 def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
-    """Refuse points so far from the origin that float32 does not hold them to a millimetre."""
+    """Refuse points so far from the origin that float32 cannot resolve a millimetre."""
     check_finite(points, what, name)
     farthest = float(points.abs().max())
     if not farthest <= FARTHEST_POINT:
@@ -235,13 +235,13 @@ def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
 
 
 def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
-    """Distance of the two keypoints farthest apart, in the median frame; those that are NaN are
-    left out."""
+    """Largest distance between two keypoints, median over frames; keypoints that are NaN are left
+    out."""
     return pairwise_distances(joints, joints).nan_to_num(0).flatten(1).amax(1).median()
 
 
 def check_object(motion: ObjectTrack, name: str) -> None:
-    """Refuse a motion that is not finite, not rigid, or not that of the meshes."""
+    """Refuse poses that are not finite or not rigid, or not one part per mesh."""
     if motion.meshes and len(motion.meshes) != motion.rotation.shape[1]:
         parts, meshes = motion.rotation.shape[1], len(motion.meshes)
         raise InputError(
@@ -269,7 +269,7 @@ def check_object(motion: ObjectTrack, name: str) -> None:
 
 
 def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
-    """What the first matrix is instead of a rotation, and the remedy, for a message."""
+    """For a message: why the first matrix is no rotation, and the remedy."""
     determinant = float(torch.linalg.det(rotation)[0])
     if determinant < 0:
         return f"determinant {determinant:.3g}, a reflection; mirror the mesh instead"

@@ -1,4 +1,4 @@
-"""Stretches of a track: runs, blocks, and windows of equal size, blended without a seam."""
+"""Runs, blocks and overlapping windows of a track; windows are blended without a seam."""
 
 from collections.abc import Sequence
 
@@ -8,14 +8,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 WINDOW, STRIDE = 60, 30
-"""Frames: the paper's window of two seconds, and half of it, so that every frame is seen twice."""
+"""Frames: the paper's window of two seconds, and half of it, so that most frames are in two."""
 BLOCK = 600
-"""Frames worked on at once where frames are independent, so that memory does not grow with the
-track."""
+"""Frames per batch where frames are independent, so that memory does not grow with the track."""
 
 
 def runs(chosen: Bool[np.ndarray, " T"]) -> list[slice]:
-    """The longest stretches of chosen frames."""
+    """The maximal runs of consecutive chosen frames."""
     edges = np.flatnonzero(np.diff(np.pad(chosen, 1).astype(int)))
     return [slice(start, stop) for start, stop in edges.reshape(-1, 2).tolist()]
 
@@ -26,13 +25,13 @@ def blocks(frames: int) -> list[slice]:
 
 
 def widened(block: slice, by: int, frames: int) -> tuple[slice, slice]:
-    """A block with so many frames more on either side, as far as there are; its place in that."""
+    """A block with `by` more frames on either side where they exist, and its slice within that."""
     wide = slice(max(block.start - by, 0), min(block.stop + by, frames))
     return wide, slice(block.start - wide.start, block.stop - wide.start)
 
 
 def spread_frames(frames: int, most: int) -> list[int]:
-    """At most so many frames of a track, evenly spread: the middles of equal shares."""
+    """At most `most` frames of a track, evenly spread: the middles of equal shares."""
     count = min(frames, most)
     return [int((share + 0.5) * frames / count) for share in range(count)]
 
@@ -47,7 +46,7 @@ def window_starts(frames: int, size: int = WINDOW, stride: int = STRIDE) -> list
 def unfold(
     x: Float[Tensor, "*B T D"], starts: Sequence[int], size: int
 ) -> Float[Tensor, "*B W S D"]:
-    """Cut a track into windows; one shorter than a window is held still after its last frame."""
+    """Cut a track into windows; a track shorter than a window repeats its last frame."""
     frames = torch.arange(size, device=x.device) + torch.tensor(starts, device=x.device)[:, None]
     return x[..., frames.clamp(max=x.shape[-2] - 1), :]
 

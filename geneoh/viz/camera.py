@@ -24,26 +24,26 @@ from geneoh.viz.scene import DrawnSurface, Scene
 FIELD_OF_VIEW = np.deg2rad(28.0)  # angle over the shorter side of a picture, radians
 TURNS = 12  # directions that are tried around the up axis at each elevation
 ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)  # of tried directions above the horizontal, radians
-BELOW = 0.85  # worth of what is seen from below, where there may be a table
-TRIAL_SIZE = 96  # side in pixels of the pictures that directions are judged by
-JUDGED_FRAMES = 3  # frames that directions are judged by: those with the deepest penetration
-SMOOTHING = 0.2  # seconds of the filter on the camera's path, against a trembling hand
-OBJECT_PULL = 0.5  # how far from the hands to the object's middle the camera looks, as a share
-MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
-WHOLE_FRAMES = 0.98  # share of frames in which the hands are whole in the picture
+BELOW = 0.85  # weight of directions from below, where a table may be in the way
+TRIAL_SIZE = 96  # side in pixels of the trial pictures that score a direction
+JUDGED_FRAMES = 3  # frames that score a direction: those with the deepest penetration
+SMOOTHING = 0.2  # standard deviation in seconds of the Gaussian filter on the camera's path
+OBJECT_PULL = 0.5  # where the camera looks, as a share of the way from hands to object
+MAX_OFFSET = 0.05  # largest distance of that target from the hands, metres
+WHOLE_FRAMES = 0.98  # share of frames in which the border of the picture cuts nothing off
 MARGIN = 1.04  # how much larger the picture is than what must be inside it
-OUTLINE = 256  # vertices of a part of the object that tell how far it reaches
-NEARLY = 1.4  # how much farther off the camera goes so that nothing is cut that is nearly whole
-MAX_OBJECT = 0.12  # half the diagonal of the largest object that is whole in it, metres
+OUTLINE = 256  # vertices sampled from each object part to find its extent
+NEARLY = 1.4  # largest factor on the radius to show the whole object, or the feet of a body
+MAX_OBJECT = 0.12  # largest half diagonal of an object that the radius allows for, metres
 BODY_SEEN = ("head", "left_wrist", "right_wrist", "left_shoulder", "right_shoulder", "spine2")
-"""Joints of a body that are in the picture; its feet too, where it is little larger with them."""
-BODY_TURN, BODY_ABOVE = 0.45, 0.15  # radians aside of the front; above the horizontal
+"""Joints of a body in the picture; the feet too, if the radius grows by less than `NEARLY`."""
+BODY_TURN, BODY_ABOVE = 0.45, 0.15  # camera: radians from the front, and above the horizontal
 BODY_SMOOTHING = 1.0  # seconds of the filter on the path of a camera that follows a body
 HAND_ROOM = 0.22  # room around wrists and head for hands and skull, metres
-DEEP_BONUS = 25.0  # how much more a pixel of skin inside the object counts than another
+DEEP_BONUS = 25.0  # extra weight of a pixel of skin inside the object
 
 Axes = Float[np.ndarray, "3 3"]
-Seen = tuple[Float[Tensor, "T N 3"], Bool[Tensor, " T"]]  # vertices; frames in which they are there
+Seen = tuple[Float[Tensor, "T N 3"], Bool[Tensor, " T"]]  # vertices; mask of the frames with them
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def axes_towards(back: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]) -> 
 
 
 def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
-    """One camera for each frame: the same direction and size in all, so that frames compare."""
+    """One camera per frame, with the same direction and radius, so that frames are comparable."""
     if scene.body is not None:
         return _body_cameras(scene, scene.body, up)
     targets = _targets(scene)
@@ -100,7 +100,7 @@ def _body_cameras(scene: Scene, body: BodyRecording, up: Float[np.ndarray, " 3"]
     posed = pose(body.skeleton, body.file_motion)
     front = posed.rotations[:, JOINT_NAMES.index("spine3"), :, 2].mean(0).numpy()
     front = front - (front @ up) * up
-    if np.linalg.norm(front) < 0.1:  # one who turns all around, or lies
+    if np.linalg.norm(front) < 0.1:  # the body turns all around, or lies
         front = np.cross(np.eye(3)[np.abs(up).argmin()], up)
     front /= np.linalg.norm(front)
     aside = np.cross(up, front)
@@ -127,9 +127,9 @@ def _path_around(
 def _best_axes(
     scene: Scene, up: Float[np.ndarray, " 3"], targets: Float[np.ndarray, "T 3"], radius: float
 ) -> Axes:
-    """The direction from which most of the hands is seen, and most of what is inside the object.
+    """Camera axes that show most pixels of the hands, with extra weight on skin in the object.
 
-    The object is see-through, as in the pictures; a few frames of the first version are judged.
+    The object hides nothing, as in the pictures. The deepest frames of the first version count.
     """
     before = scene.versions[0]
     deepest = before.measures.depth.nan_to_num()
@@ -158,7 +158,7 @@ def _directions(up: Float[np.ndarray, " 3"]) -> list[Float[np.ndarray, " 3"]]:
 
 
 def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
-    """How much of the hands is seen, in pixels; skin inside the object counts more."""
+    """Number of visible pixels of the hands, with extra weight on skin inside the object."""
     screen = camera.project(hands.verts, (TRIAL_SIZE, TRIAL_SIZE))
     raster = rasterise(screen, hands.faces, (TRIAL_SIZE, TRIAL_SIZE))
     seen = raster.face[raster.covered]
@@ -166,7 +166,7 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
 
 
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
-    """What the camera looks at: near the hands, towards the object."""
+    """Camera targets in the world: the mean keypoint, shifted towards the object's centre."""
     hands = [hand for version in scene.versions for hand in version.hands]
     seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
     centre = torch.cat(seen, dim=1).nanmean(1).numpy()
@@ -189,7 +189,7 @@ def _smooth(scene: Scene, path: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "
 
 
 def _cuts(scene: Scene) -> list[int]:
-    """The first frames of later shots of a video that was cut, to which the camera leaps."""
+    """First frames of all shots but the first: at these cuts the camera's path may jump."""
     hands = [HandTrack(hand.side, hand.valid, hand.joints) for hand in scene.versions[-1].hands]
     return sorted({shot.start for hand in hands for shot in shots_of(hand, scene.fps)} - {0})
 
@@ -226,7 +226,7 @@ def _all(scene: Scene) -> Iterator[Seen]:
 def _middles_of_all(
     scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes
 ) -> Float[np.ndarray, "T 3"]:
-    """The targets, moved in the plane of the picture to the middle of hands and object."""
+    """The targets, moved in the picture plane to the centre of the box of hands and object."""
     across = torch.from_numpy(axes[:2]).float()
     low = torch.full((scene.frames, 2), torch.inf)
     high = -low
@@ -251,6 +251,6 @@ def _reach(
     """Radius with which a camera sees all points of each frame, metres."""
     half, middle = FIELD_OF_VIEW / 2, torch.from_numpy(targets).float()[:, None]
     aside = (points - middle) @ torch.from_numpy(axes).float().T
-    # what is nearer to the eye by `aside[2]` is seen larger
+    # perspective: a point that is nearer to the eye by `aside[2]` needs a larger radius
     needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
     return needed.amax(-1)

@@ -25,12 +25,11 @@ SCALE_LEFT = 12  # pixels from the left edge to the title of a ramp
 STRIP_FRAMES = 5
 STRIP_GAP = 10  # between two pictures of a filmstrip, pixels
 LEAST_COLUMN, MAX_TITLE = 170, 800
-"""Widths that the caption of a small picture takes, and that the title of a narrow filmstrip may
-take, pixels."""
+"""Pixels: width that the caption of a small picture needs, and largest width of a title."""
 
 
 class Canvas:
-    """A sheet of background colour, drawn on from its left upper corner, in pixels."""
+    """A picture to draw on; places are pixels from the upper left corner."""
 
     def __init__(self, width: int, height: int):
         background = tuple(int(255 * channel + 0.5) for channel in BACKGROUND)

@@ -1,8 +1,8 @@
 """A version as an animated GLB: hands on a rig, the object's parts as moving nodes.
 
 A hand is a mesh in its flat rest pose, skinned to the 16 joints of the hand, whose rotations are
-the animation; the pose correctives of the hand model are morph targets. So it is the hand model
-itself, exact but for vertices with more than four joints, and programs such as Blender show a rig.
+the animation; the pose correctives of the hand model are morph targets. This reproduces the hand
+model exactly, except at vertices with more than four joints, and gives Blender an editable rig.
 Source: glTF 2.0 specification, Khronos Group. Metres; a root node turns the world's up axis to
 glTF's y.
 """
@@ -30,8 +30,8 @@ ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 JOINT_NAMES = ("wrist", *(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3)))
 INFLUENCES = 4
-"""Joints that move a vertex at most: every program reads so many, and no vertex of MANO or of our
-hand has another one that counts."""
+"""Most joints that move a vertex: every program reads four, and in MANO and our hand the weights
+beyond the fourth are negligible."""
 ROUGHNESS = 0.8
 NO_BULGE = 1e-5
 """Metres by which a pose corrective must move some vertex in a clip to be in its file."""
@@ -89,7 +89,7 @@ class _Document:
             "buffers": [{"byteLength": len(self.binary)}],
         }
         document |= {name: table for name, table in self.tables.items() if table}
-        if self.animation["channels"]:  # glTF allows none without
+        if self.animation["channels"]:  # glTF allows no animation without channels
             document["animations"] = [{"name": title, **self.animation}]
         text, chunks = json.dumps(document, separators=(",", ":")).encode(), b""
         for name, data, filler in ((b"JSON", text, b" "), (b"BIN\0", bytes(self.binary), b"\0")):
@@ -109,7 +109,7 @@ def glb_bytes(scene: Scene, look: Look = DEFAULT_LOOK) -> bytes:
     turn = torch.from_numpy(turn_to_y_up(look.upward)).float()
     w, x, y, z = matrix_to_quat_wxyz(turn).tolist()
     root = document.add("nodes", {"name": "world", "rotation": [x, y, z, w], "children": children})
-    # a skinned mesh goes where its joints are, whatever its own node
+    # glTF ignores the transform of a skinned mesh's own node: its joints place it
     return document.to_bytes([root, *(mesh for mesh, _ in hands)], version.title)
 
 
@@ -147,7 +147,7 @@ def _add_mesh(
 
 
 def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, int]:
-    """The mesh of a hand and the wrist of its rig; it has size zero in frames without the hand."""
+    """Nodes of a hand's mesh and of its rig's wrist; frames without the hand have scale zero."""
     shaped, rotations = hand.model.shaped(hand.betas), axis_angle_to_matrix(hand.pose)
     bulges, shares, rest = _bulges(hand.model, pose_features(rotations))
     verts, faces = (shaped.verts + rest).numpy(), hand.model.faces.numpy()
@@ -167,9 +167,9 @@ def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, i
 
 
 def _add_skin(document: _Document, joints: list[int], shaped: ShapedHand) -> int:
-    """The joints that move a hand, and how each gets from its place at rest to the origin."""
+    """The skin of a hand: its joints, and their inverse bind matrices."""
     back = np.tile(np.eye(4), (len(joints), 1, 1))
-    back[:, 3, :3] = -shaped.joints.numpy()  # columns come first
+    back[:, 3, :3] = -shaped.joints.numpy()  # glTF stores matrices column by column
     matrices = document.accessor(back.reshape(-1, 16))
     return document.add("skins", {"joints": joints, "inverseBindMatrices": matrices})
 
@@ -178,7 +178,7 @@ def _skin_weights(document: _Document, model: HandModel) -> dict[str, int]:
     """The joints that move each vertex and their weights, as attributes of a mesh."""
     weights, joints = model.skin_weights.topk(INFLUENCES, dim=1)
     weights = weights / weights.sum(1, keepdim=True)
-    joints = joints.where(weights > 0, 0).byte()  # as glTF wants it
+    joints = joints.where(weights > 0, 0).byte()  # glTF wants joint 0 where the weight is zero
     return {
         "JOINTS_0": document.accessor(joints.numpy(), ARRAY_BUFFER),
         "WEIGHTS_0": document.accessor(weights.numpy(), ARRAY_BUFFER),
@@ -188,10 +188,10 @@ def _skin_weights(document: _Document, model: HandModel) -> dict[str, int]:
 def _bulges(
     model: HandModel, features: Float[Tensor, "T 135"]
 ) -> tuple[Float[Tensor, "K V 3"], Float[Tensor, "T K"], Float[Tensor, "V 3"]]:
-    """Pose correctives that change in a clip, the share of each in each frame, and the sum of the
-    others, metres.
+    """Pose correctives that change in a clip, their weights in each frame, and the sum of the
+    constant ones, metres.
 
-    Shares go from 0 to 1 in each clip: Blender's sliders end there.
+    Weights are scaled to 0 to 1 over the clip, because Blender's sliders end there.
     """
     least, most = features.amin(0), features.amax(0)
     bulges = (most - least)[:, None, None] * model.pose_dirs.movedim(-1, 0)

@@ -103,7 +103,7 @@ def ramp_position(
 ) -> Float[Tensor, "*B V"]:
     """The position of each vertex on the ramp of a colouring, 0 to 1.
 
-    By its distance to the object, metres, negative inside, or its expected error, metres, if known.
+    From its signed distance to the object, negative inside, or its expected error, both in metres.
     """
     shown = {"penetration": -distance, "contact": distance, "spread": spread}.get(colouring)
     return zeros_like(distance) if shown is None else SCALES[colouring].position(shown)

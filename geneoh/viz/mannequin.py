@@ -18,14 +18,14 @@ RADII = {
     **{"spine": 0.1, "neck": 0.06, "head": 0.05, "hip": 0.08, "knee": 0.065, "ankle": 0.05},
     **{"foot": 0.04, "collar": 0.07, "shoulder": 0.06, "elbow": 0.042, "wrist": 0.032},
 }
-"""Metres, of the bone that ends in a joint."""
+"""Radius in metres of the bone that ends in each joint."""
 HEAD, HEAD_ABOVE = (0.075, 0.11, 0.09), (0.0, 0.09, 0.02)
-"""Half axes of the head and its middle, seen from its joint, metres."""
+"""Semi-axes of the head's ellipsoid, and its centre relative to the head joint, metres."""
 ROUND = 10  # points around a bone
 
 
 def mannequin(body: BodyRecording) -> ObjectTrack:
-    """The parts of a body in the world of its file, without hands; each moves as one bone does."""
+    """The bones of a body without its hands, as rigid parts in the world frame of its file."""
     motion = body.file_motion
     posed = pose(body.skeleton, motion)
     bones = [
@@ -40,7 +40,7 @@ def mannequin(body: BodyRecording) -> ObjectTrack:
 
 
 def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:
-    """A capsule from a joint at the origin to the one that hangs on it."""
+    """A capsule from a joint at the origin to its child joint at `offset`."""
     radius = RADII[name.split("_")[-1].rstrip("123")]
     length = float(offset.norm())
     shape = trimesh.creation.capsule(length, radius, count=(ROUND, ROUND))
@@ -52,7 +52,7 @@ def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:
 
 
 def head() -> Mesh:
-    """An ellipsoid above the joint of the head."""
+    """An ellipsoid above the head joint."""
     shape = trimesh.creation.icosphere(2)
     shape.apply_scale(HEAD)
     shape.apply_translation(HEAD_ABOVE)

@@ -1,6 +1,6 @@
-"""Which file formats a scene can be written as, and the data formats among them.
+"""Write a scene in each output format; check the paths and formats first.
 
-Data formats are for other programs: a mesh file per frame, or parameters under the smplx names.
+Formats for other programs are a mesh file per frame, and parameters under the smplx names.
 """
 
 from collections.abc import Iterable
@@ -77,7 +77,7 @@ def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
 
 
 def refuse_colouring(scene: Scene, colouring: Colouring) -> None:
-    """`InputError` for a colouring that is not the default and by which all hands are plain."""
+    """`InputError` for the colouring "contact" or "spread" in a scene without the data for it."""
     needs = {
         "contact": ("an object", "pass --obj MESH"),
         "spread": ("the expected error of keypoints", "clean with --samples 2 or more"),
@@ -93,7 +93,7 @@ def refuse_colouring(scene: Scene, colouring: Colouring) -> None:
 def write(
     scene: Scene, path: Path, look: Look = DEFAULT_LOOK, *, on_step: OnStep | None = None
 ) -> Path:
-    """Write a scene in the format that the ending of the path names, and give what was written.
+    """Write a scene in the format that the ending of the path names; returns the path written.
 
     `.html` is a page, `.png` a filmstrip, `.mp4` and `.gif` a film of all versions. `.glb`, `.npz`
     (smplx names), `.bvh` (a body), `.obj` and `.ply` hold the last version; the mesh formats make a
@@ -130,7 +130,7 @@ def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> Path:
     """Write the last version as a folder of meshes: SIDE_0000.ply and object_0000.ply per frame.
 
     World frame, metres. Vertices keep their order, so that frames correspond; a hand has no file in
-    frames without it. The folder, which is given back, appears whole or not at all.
+    frames without it. Returns the folder, which appears whole or not at all.
     """
     folder = path.with_suffix("")
     refuse_folder(folder)
@@ -154,8 +154,8 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
     """One hand under the names of the smplx package, with the motion of its object.
 
     `global_orient` (T, 3), `hand_pose` (T, 45), `betas` and `transl` (T, 3) go into an smplx MANO
-    layer made with `use_pca=False, flat_hand_mean=True`. `transl` is the wrist minus the wrist of
-    the model at rest. The betas belong to `hand_model`; the pose holds for any model.
+    layer made with `use_pca=False, flat_hand_mean=True`. `transl` is the wrist position minus the
+    wrist of the shaped rest hand. The betas belong to `hand_model`; the pose fits any model.
     """
     model = hand.model
     return {

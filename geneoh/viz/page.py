@@ -1,10 +1,10 @@
 """A scene as one self-contained HTML file: it holds the data and the viewer.
 
-The viewer draws on the CPU: a browser without a GPU has no WebGL, or one of a few frames a second.
+The viewer draws on the CPU: without a GPU, WebGL is missing or runs at a few frames a second.
 
-Positions are 16-bit steps of one box around the scene. Each array is stored as differences from
-frame to frame, low bytes before high ones, and all of them together are deflated: 300 frames of a
-hand before and after take about one and a half megabytes.
+Positions are quantised to 16 bits in one box around the scene. Each array is stored as differences
+between frames, low bytes before high bytes, and all arrays are deflated together: 300 frames of a
+hand before and after take about 1.5 megabytes.
 """
 
 import base64
@@ -30,7 +30,7 @@ from geneoh.viz.surface import coarser, with_sharp_edges
 
 STEPS = 65535  # 16-bit steps over the longest side of the scene
 MOST_FACES = 20_000  # faces of an object part beyond which a coarser mesh is drawn
-MOST_SAMPLES = 16  # samples that a page keeps of those that were drawn
+MOST_SAMPLES = 16  # most diffusion samples that a page holds
 
 
 class _Packed:
@@ -45,7 +45,7 @@ class _Packed:
         """Store an array; returns where it lies and how it is stored."""
         flat, at = np.ascontiguousarray(values), len(self.data)
         if over_frames:
-            # differences may overflow: the viewer sums in the same width, which undoes it
+            # differences may wrap around: sums of the same integer width undo that in the viewer
             flat = np.concatenate([flat[:1], flat[1:] - flat[:-1]])
         raw = flat.reshape(-1).view(np.uint8).reshape(-1, flat.dtype.itemsize)
         self.data += raw.T.tobytes()
@@ -55,7 +55,7 @@ class _Packed:
 
 @dataclass(frozen=True)
 class _Box:
-    """The box in whose 16-bit steps positions are stored."""
+    """The cube in which positions are quantised to 16-bit steps, metres."""
 
     low: Float[Tensor, " 3"]
     step: float
@@ -68,7 +68,7 @@ class _Box:
         return _Box(low, max(float((points.amax(0) - low).max()), smallest) / STEPS)
 
     def origin(self) -> dict[str, Any]:
-        """What turns steps back into metres."""
+        """Lower corner and step size, by which the viewer turns steps back into metres."""
         return {"low": self.low.tolist(), "step": self.step}
 
     def steps(self, points: Float[Tensor, "*B 3"]) -> Integer[np.ndarray, "*B 3"]:
@@ -78,7 +78,7 @@ class _Box:
 
 
 def page_html(scene: Scene, look: Look = DEFAULT_LOOK) -> str:
-    """The page as text; of the look it needs what is up, the person chooses the rest in it."""
+    """The page as HTML; of the look only the up axis is used, controls in the page set the rest."""
     packed = _Packed()
     described = describe(scene, look.upward, packed)
     filled = {
@@ -87,11 +87,11 @@ def page_html(scene: Scene, look: Look = DEFAULT_LOOK) -> str:
         "RASTER": _asset("raster.js"),
         "ORBIT": _asset("orbit.js"),
         "VIEWER": _asset("viewer.js"),
-        # "<" must not stand in a script: file names may hold anything
+        # a file name may contain "<", which could end the script
         "SCENE": json.dumps(described, allow_nan=False).replace("<", "\\u003c"),
         "DATA": base64.b64encode(zlib.compress(packed.data, 6)).decode(),
     }
-    # one pass, so that nothing which was filled in is taken for a placeholder
+    # one pass, so that no inserted text is taken for a placeholder
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda gap: filled[gap[1]], _asset("page.html"))
 
 

@@ -15,17 +15,17 @@ from geneoh.viz.surface import vertex_normals
 
 Picture = UInt8[np.ndarray, "H W 3"]
 
-SMOOTH = 2  # pixels drawn per side of a pixel shown, against jagged edges
+SMOOTH = 2  # supersampling: drawn pixels per side of a pixel, against jagged edges
 OVERLAY = 0.28  # opacity of the object over a hand behind its surface
 OVERLAY_END = 0.12  # position on the ramp from which a hand is drawn without the overlay
 LIGHTS = (((-0.45, 0.65, 0.62), 0.62), ((0.75, 0.1, 0.4), 0.22), ((0.1, -0.8, 0.3), 0.10))
 """Direction in the camera's frame and strength of each light."""
 AMBIENT = 0.42
 SHINE = 0.10
-EDGE_SHADING = 0.5  # how much the far side of a step in depth is darkened, at most
-EDGE_WIDTH = 0.014  # standard deviation of that across the edge, share of the picture's height
-EDGE_TRUNCATE = 2.5  # standard deviations at which it ends
-EDGE_DEPTH = 0.02  # step in depth, metres, from which it is darkest
+EDGE_SHADING = 0.5  # largest darkening of the far side of a depth edge, 0 to 1
+EDGE_WIDTH = 0.014  # standard deviation of the blur of depth, share of the picture's height
+EDGE_TRUNCATE = 2.5  # standard deviations at which the kernel of the blur ends
+EDGE_DEPTH = 0.02  # difference in depth at which the darkening is largest, metres
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class _Layer:
 def draw(
     scene: Scene, frame: int, camera: Camera, side: int, colouring: Colouring = "penetration"
 ) -> list[Picture]:
-    """A square picture of each version, of a side in pixels; the object is drawn once for all."""
+    """A picture of each version, `side` pixels square; the object is rasterised once for all."""
     drawn = (side * SMOOTH, side * SMOOTH)
     behind = _layers(scene.drawn_object(frame), camera, drawn)
     pictures = []
@@ -51,12 +51,12 @@ def draw(
 
 
 def _layers(surface: DrawnSurface | None, camera: Camera, size: tuple[int, int]) -> list[_Layer]:
-    """The layer of a surface that is there."""
+    """The layer of a surface in a list; an empty list for None."""
     return [] if surface is None else [_lit(surface, camera, size)]
 
 
 def _lit(surface: DrawnSurface, camera: Camera, size: tuple[int, int]) -> _Layer:
-    """The surface drawn, lit at its vertices; back sides are lit as front sides are."""
+    """The rasterised surface with lighting per vertex; back faces are lit like front faces."""
     screen = camera.project(surface.verts, size)
     raster = rasterise(screen, surface.faces, size)
     normal = vertex_normals(surface.verts, surface.faces) @ camera.axes.T.astype(np.float32)
@@ -79,9 +79,9 @@ def _unit(direction: object) -> Float[np.ndarray, " 3"]:
 def _stacked(
     layers: list[_Layer], size: tuple[int, int]
 ) -> tuple[Float[np.ndarray, "H W 3"], Float[np.ndarray, "H W"]]:
-    """Colours, and 1 / depth of what is nearest.
+    """Colours of all layers together, and 1 / depth of the nearest surface in each pixel.
 
-    Where an earlier layer is nearer, it is laid over the later one as a transparent overlay.
+    Where an earlier layer is nearer than a later one, it becomes a transparent overlay on it.
     """
     width, height = size
     picture = np.empty((height * width, 3), dtype=np.float32)
@@ -108,7 +108,7 @@ def _shaded(
     # metres from the target towards the eye; the background counts as just behind everything
     towards = np.where(shown, distance - 1 / np.maximum(nearness, 1e-6), -camera.radius)
     towards = towards.astype(np.float32)
-    # what is blurred that much needs no more than every second pixel
+    # half the resolution is enough for a blur this wide
     coarse = towards[::2, ::2]
     soft = gaussian_filter(coarse, EDGE_WIDTH * len(picture) / 2, truncate=EDGE_TRUNCATE)
     soft = soft.repeat(2, 0).repeat(2, 1)[: len(picture), : picture.shape[1]]

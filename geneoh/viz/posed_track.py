@@ -19,16 +19,16 @@ from geneoh.metrics.report import FrameMeasures, measure_frames
 from geneoh.sequence.sequence import HandTrack
 
 NO_OBJECT = 10.0  # distance of all vertices where there is no object, metres
-SPREAD_REACH = 0.015  # how far the spread of a keypoint reaches over the skin, metres
+SPREAD_REACH = 0.015  # length scale of the weights that carry spread to vertices, metres
 
 
 @dataclass(frozen=True)
 class PosedTrack:
-    """One hand as a mesh in the world over T frames, and its measures, made when they are asked."""
+    """One hand as a mesh in the world over T frames, with measures computed on first use."""
 
     side: Side
     model: HandModel
-    pose: Float[Tensor, "T 16 3"]  # axis-angle, MANO joint order; given or fitted
+    pose: Float[Tensor, "T 16 3"]  # axis-angle, MANO joint order; of the track, or fitted
     wrist: Float[Tensor, "T 3"]
     betas: Float[Tensor, " S"]
     verts: Float[Tensor, "T V 3"]
@@ -36,19 +36,19 @@ class PosedTrack:
     valid: Bool[Tensor, " T"]  # frames with this hand
     fps: float
     distance_of: Callable[[Float[Tensor, "T V 3"]], Float[Tensor, "T V"]] | None
-    """`distance` of the vertices; None where there is no object."""
+    """Signed distance of vertices to the object, metres; None without an object."""
     joint_spread: Float[Tensor, "T 21"] | None = None  # metres; see `HandTrack`
 
     @cached_property
     def distance(self) -> Float[Tensor, "T V"]:
-        """Metres to the object, negative inside; from 3 cm on a bound."""
+        """Signed distance to the object in metres, negative inside; a lower bound beyond 3 cm."""
         if self.distance_of is None:
             return torch.full_like(self.verts[..., 0], NO_OBJECT)
         return self.distance_of(self.verts)
 
     @cached_property
     def measures(self) -> FrameMeasures:
-        """Without an object depth and fingertips in contact are NaN, because they are not known."""
+        """Measures of each frame; without an object, depth and fingertips in contact are NaN."""
         found = measure_frames(self.distance, self.verts, self.joints, self.fps, self.valid)
         if self.distance_of is not None:
             return found
@@ -71,7 +71,7 @@ def pose_track(
     fps: float,
     mano_dir: Path | str | None = None,
 ) -> PosedTrack:
-    """The mesh of one track, of the embedded hand where the user has no MANO."""
+    """The posed mesh of one track; of the embedded hand where MANO's files are missing."""
     try:
         model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
     except MissingAssetError:

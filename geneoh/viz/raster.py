@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 NOTHING = -1  # face index of a pixel that no triangle covers
-TINY = 1e-12  # twice the area in pixels up to which a triangle is left out
+TINY = 1e-12  # twice the area in square pixels up to which a triangle is left out
 
 
 @dataclass(frozen=True)
 class Raster:
-    """What is in front in each pixel."""
+    """The front-most face of each pixel."""
 
     face: Int[np.ndarray, "H W"]  # index of the face, or `NOTHING`
     nearness: Float[np.ndarray, "H W"]  # 1 / depth, zero where nothing is
@@ -64,7 +64,7 @@ def rasterise(
 
 
 def _counted(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[np.ndarray, " M"]]:
-    """Each entry's index as often as its count says, beside the numbers 0, 1, ... of each entry."""
+    """Each index repeated by its count, and the running numbers 0, 1, ... within each index."""
     entry = np.repeat(np.arange(len(counts)), counts)
     return entry, np.arange(len(entry)) - np.repeat(np.cumsum(counts) - counts, counts)
 
@@ -72,9 +72,9 @@ def _counted(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[
 def _runs(
     corner: Float[np.ndarray, "F 3 3"], width: int, height: int
 ) -> tuple[Int[np.ndarray, " R"], ...]:
-    """Rows of pixels whose middles lie inside triangles: face, row, first pixel and how many.
+    """Runs of pixels whose centres lie inside triangles: face, row, first column and length.
 
-    Corners turn so that inside is right of no edge.
+    The order of the corners must make every edge function at least zero inside.
     """
     top = np.ceil(corner[..., 1].min(1) - 0.5).clip(0, height).astype(np.int64)
     bottom = np.floor(corner[..., 1].max(1) - 0.5).clip(-1, height - 1).astype(np.int64)
@@ -83,7 +83,7 @@ def _runs(
     low, high = np.zeros(len(face)), np.full(len(face), width - 1.0)
     for i in range(3):
         start, end = corner[:, i], corner[:, (i + 1) % 3]
-        # the edge's function is `rise * x + rest`, at least zero inside
+        # the edge function of pixel column x is `rise * x + rest`
         rise = (start[:, 1] - end[:, 1])[face]
         rest = (end[:, 0] - start[:, 0])[face] * (row + 0.5 - start[face, 1])
         rest -= rise * start[face, 0]
@@ -102,14 +102,14 @@ def at_pixels(
     faces: Int[np.ndarray, "F 3"],
     values: Float[np.ndarray, "V D"],
 ) -> Float[np.ndarray, "N D"]:
-    """Values of vertices in the covered pixels, row by row, interpolated within the faces.
+    """Vertex values interpolated at the N covered pixels, row by row.
 
-    Linear over the picture: within triangles as small as those of a hand, perspective is not seen.
+    Linear in the picture: in triangles as small as those of a hand, perspective is not visible.
     """
     row, column = np.nonzero(raster.covered)
     face = raster.face[row, column]
     corners = faces[face]
-    # the shares of the corners are linear in the pixel: once per face, then a look-up per pixel
+    # barycentric weights are linear in the pixel: coefficients per face, then a look-up per pixel
     a, b, c = (screen[faces[:, i], :2] for i in range(3))
     with np.errstate(divide="ignore", invalid="ignore"):
         shrink = 1 / _cross(b - a, c - a)

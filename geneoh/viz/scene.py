@@ -1,4 +1,4 @@
-"""What there is to see in one interaction: posed hands, the object, and their measures."""
+"""What pictures and pages show of an interaction: posed hands, the object, their measures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -32,25 +32,25 @@ EXACT_WITHIN = 0.03  # distances of vertices are exact within this many metres o
 
 @dataclass(frozen=True)
 class DrawnSurface:
-    """A surface of one frame as it is drawn: with the colours of what it shows."""
+    """A mesh of one frame, world frame, with a colour for each vertex."""
 
     verts: Float[np.ndarray, "V 3"]
     faces: Int[np.ndarray, "F 3"]
     colours: Float[np.ndarray, "V 3"]
     position: Float[np.ndarray, " V"]
-    """Of each vertex on the colour ramp, 0 to 1; the object is never drawn over high positions."""
+    """Position of each vertex on the colour ramp, 0 to 1; the object never covers high ones."""
 
 
 @dataclass(frozen=True)
 class Version:
-    """One version of the interaction: as it came, or cleaned."""
+    """One version of the interaction: the input, or the result."""
 
     title: str
     hands: tuple[PosedTrack, ...]
 
     @cached_property
     def measures(self) -> FrameMeasures:
-        """The measures of all hands together: deepest, sum of fingertips, mean acceleration."""
+        """Measures over all hands: largest depth, sum of fingertips, mean acceleration."""
         hands = [hand.measures for hand in self.hands]
         valid = torch.stack([hand.valid for hand in hands]).any(0)
         depth = torch.stack([hand.depth.where(hand.valid, 0) for hand in hands]).amax(0)
@@ -86,9 +86,9 @@ class Scene:
     fps: float
     samples: dict[Side, Float[Tensor, "S T 21 3"]]  # keypoints of all samples, if kept
     object_confidence: Float[Tensor, " T"] | None = None
-    """How much the object's poses agree with one another, 0 to 1; None where they all do."""
+    """Confidence in the object's pose, 0 to 1; None where it is unknown or 1 in every frame."""
     body: BodyRecording | None = None
-    """Whose hands they are, where that is known; `object` then has its limbs as its last parts."""
+    """The body that the hands belong to, if known; its limbs are the last parts of `object`."""
     limbs: int = 0
     """How many parts of `object` are limbs of the body; nothing is measured against them."""
 
@@ -124,16 +124,16 @@ class Scene:
 
     @property
     def up(self) -> Axis:
-        """Axis of the world that points up, as far as is known: that of the body, else z."""
+        """Axis of the world that points up: that of the body, or z without a body."""
         return "z" if self.body is None else self.body.up
 
     @property
     def has_object(self) -> bool:
-        """Whether hands are measured against anything."""
+        """Whether there is a mesh besides the limbs of a body."""
         return len(self.object.meshes) > self.limbs
 
     def shows(self, colouring: Colouring) -> bool:
-        """Whether a colouring tells anything: the spread where it is known, others of an object."""
+        """Whether there is data for a colouring: expected errors for "spread", else an object."""
         if colouring == "spread":
             hands = [hand for version in self.versions for hand in version.hands]
             return any(hand.joint_spread is not None for hand in hands)
@@ -175,11 +175,11 @@ def make_scene(
 ) -> Scene:
     """Pose every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; hands without any mesh are shown alone. A hand that has
-    only keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
-    embedded hand with the same bones.
+    The object is that of the last sequence; without a mesh only hands are shown. A hand model is
+    fitted to a hand that has only keypoints. Betas of MANO get MANO's mesh where the user has its
+    files, else the embedded hand fitted to the same bones.
 
-    `sequences` are by title, in the order before, after; `samples` are at any frame rate.
+    `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
     """
     last_title, last = next(reversed(sequences.items()))
     if body is None:
@@ -207,14 +207,14 @@ def make_scene(
 def _distances(
     surface_of: Callable[[], MovingSurface], verts: Float[Tensor, "T V 3"]
 ) -> Float[Tensor, "T V"]:
-    """`PosedTrack.distance` to a surface, which is built here: some formats need no distance."""
+    """Signed distances of vertices; the surface is built here, as some formats need no distance."""
     surface = replace(surface_of(), within=EXACT_WITHIN)
     each = (surface.at(block).query(verts[block]) for block in blocks(len(verts)))
     return torch.cat([found.distance for found in each])
 
 
 def refuse_lost_meshes(sequence: Sequence) -> None:
-    """`InputError` where a file names meshes that are gone; hands without any are shown alone."""
+    """`InputError` where meshes that a file names are missing; a file may name none at all."""
     if sequence.object.missing and not sequence.object.meshes:
         raise InputError(
             f"{sequence.source}: expected the mesh of the object whose poses it has, got none; "
@@ -223,7 +223,7 @@ def refuse_lost_meshes(sequence: Sequence) -> None:
 
 
 def with_body(scene: Scene, body: BodyRecording) -> Scene:
-    """The scene with the limbs of a body of as many frames as parts to draw."""
+    """The scene with the limbs of a body, of the same number of frames, as parts to draw."""
     if body.frames != scene.frames:
         raise InputError(
             f"{body.source}: body and hands must have the same frames, got {body.frames} against "
@@ -235,8 +235,8 @@ def with_body(scene: Scene, body: BodyRecording) -> Scene:
 
 
 def with_parts_behind(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
-    """An object with the parts of another one behind its own."""
-    own = len(motion.meshes)  # without a mesh a track holds the pose of none
+    """An object with the parts of another one appended to its own."""
+    own = len(motion.meshes)  # drops the placeholder pose of a track without a mesh
     return ObjectTrack(
         (*motion.meshes, *more.meshes),
         torch.cat([motion.rotation[:, :own], more.rotation], dim=1),

@@ -42,16 +42,16 @@ def gallery_items(
     *,
     on_step: OnStep | None = None,
 ) -> tuple[list[GalleryItem], list[str]]:
-    """Open and measure every result once, by `geneoh.viz.view.open_scene` with arguments bound.
+    """Open and measure every result once; also returns one line for each that cannot be opened.
 
-    Also returns what is left out, because it cannot be opened, each with the reason.
+    `open_scene` is that of `geneoh.viz.view`, with further arguments bound.
 
-    Beside NAME_clean.npz, its input NAME.npz is shown too where it exists. Without `obj`, the mesh
-    is the file NAME with the ending of a mesh, else those that the result itself names. Results of
-    one name have as much of their path in front as tells them apart.
+    NAME_clean.npz is shown beside its input NAME.npz, where that exists. Without `obj`, the mesh
+    is a mesh file called NAME, else those that the result names. Results of equal names get as
+    much of their path in front as is needed to tell them apart.
 
     Raises:
-        InputError: none can be opened, with the reason of the first.
+        InputError: no result can be opened; the message is the reason of the first one.
     """
     paths = dict.fromkeys(path.absolute() for path in results)
     clips = with_distinct_names([SourceClip(path.stem, path) for path in paths])
@@ -73,12 +73,12 @@ def gallery_items(
 
 
 def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:
-    """The items with the largest measure first; those that have no number for it come last."""
+    """The items by decreasing measure; those whose measure is NaN come last."""
     return sorted(items, key=lambda item: np.nan_to_num(-item.measures[measure], nan=np.inf))
 
 
 def in_words(value: float, digits: int) -> str:
-    """A measure with so many decimals; hands alone have none of depth and contact."""
+    """A measure with `digits` decimals; depth and contact are NaN without an object."""
     return "not known" if np.isnan(value) else f"{value:.{digits}f}"
 
 

@@ -30,8 +30,8 @@ SCANNED = 32  # most scanned objects on the sheet, spread over their names
 SHEET_CELL = 200  # side of one picture, pixels
 SHEET_GAP = 10  # between two pictures, pixels
 TEXT_HEIGHT = 40  # height of the two lines below a picture, pixels
-BODY_COLUMNS, BODY_CELL, BODY_GAP = 9, 180, 12  # the same of bodies; pictures of hands are half
-NEAR_RADIUS = 0.13  # of a picture of one hand, metres
+BODY_COLUMNS, BODY_CELL, BODY_GAP = 9, 180, 12  # for bodies; hands have half the side
+NEAR_RADIUS = 0.13  # camera radius of a picture of one hand, metres
 LONGEST = 32  # letters of a sentence that are shown
 
 
@@ -43,7 +43,7 @@ def sheet_of(kind: str, folder: Path, on_step: OnStep | None = None) -> Picture:
 
 
 def places(count: int, columns: int, width: int, height: int) -> list[tuple[int, int]]:
-    """Left upper corners of cells in rows of so many, pixels."""
+    """Upper left corners of cells in rows of `columns`, pixels."""
     return [(index % columns * width, index // columns * height) for index in range(count)]
 
 
@@ -54,7 +54,7 @@ def one_of_each(folder: Path) -> list[Replay]:
     so one of these comes first. A shard whose first grasps all failed, as a few may, is left out.
 
     Raises:
-        NoFirstGraspsError: there is no other shard.
+        NoFirstGraspsError: no other shard is left.
     """
     found: dict[str, Replay] = {}
     missed: NoFirstGraspsError | None = None
@@ -123,7 +123,7 @@ def contact_sheet(
 
 
 def one_of_each_gesture(folder: Path) -> list[Gestures]:
-    """The first clip of everything that hands do in a folder of shards, in the order of `NAMES`."""
+    """The first clip of each gesture in a folder of shards, in the order of `NAMES`."""
     found: dict[int, Gestures] = {}
     kind = gesture_shards.DEFAULTS
     for path in [*find_shards(folder, "val", kind), *find_shards(folder, "train", kind)]:
@@ -137,7 +137,7 @@ def one_of_each_gesture(folder: Path) -> list[Gestures]:
 
 
 def gesture_scene(clip: Gestures) -> Scene:
-    """A clip in its middle frame."""
+    """The middle frame of a clip as a scene."""
     at = torch.tensor([int(clip.length) // 2])
     motion, skeleton = clip.motion.take(0 * at, "B"), clip.skeleton
     still = motion[at]
@@ -156,7 +156,7 @@ def hands_from_near(scene: Scene, frame: int, camera: Camera, side: int) -> Iter
 
 
 def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Picture:
-    """One body per clip, its right and its left hand beside it, and what is said of them below."""
+    """One body per clip, close-ups of its hands beside it, and gesture and sentence below."""
     width, height = BODY_CELL + BODY_CELL // 2 + BODY_GAP, BODY_CELL + TEXT_HEIGHT
     corners = places(len(clips), BODY_COLUMNS, width, height)
     across = width * min(BODY_COLUMNS, len(clips)) - BODY_GAP

@@ -24,10 +24,10 @@ def vertex_normals(
 
 
 def with_sharp_edges(mesh: Mesh) -> Mesh:
-    """The same surface with its vertices doubled along sharp edges, so that they are lit apart.
+    """The same surface with vertices duplicated along sharp edges, where normals must not blend.
 
-    Each part whose faces meet at no sharp edge gets vertices of its own. trimesh's `smooth_shade`
-    parts large flat faces as well, and takes ten times as long on a noisy scan of 300,000 faces.
+    Each region without an inner sharp edge gets vertices of its own. trimesh's `smooth_shade` also
+    splits large flat faces, and takes ten times as long on a noisy scan of 300,000 faces.
     """
     whole = trimesh.Trimesh(mesh.verts.numpy(), mesh.faces.numpy(), process=False)
     smooth = whole.face_adjacency[whole.face_adjacency_angles <= SHARP_ANGLE]
@@ -45,7 +45,7 @@ def coarser(mesh: Mesh, most: int) -> Mesh:
     cells = 256.0
     while len(mesh.faces) > most:
         cell = (mesh.verts - mesh.verts.amin(0)) / float(mesh.extent().max()) * cells
-        # one number for each cell: sorting rows of three is slower
+        # one key for each cell: `unique` over rows of three is slower
         key = (cell.long() * torch.tensor([1 << 18, 1 << 9, 1])).sum(-1)
         _, group = torch.unique(key, return_inverse=True)
         count = torch.bincount(group)

@@ -25,7 +25,7 @@ BATCH = 4  # pictures that each thread draws before the next are handed out
 GIF_FILTER = "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"
 GIF_OPTIONS = ("-filter_complex", GIF_FILTER, "-f", "gif")
 HUNDREDTHS = 100  # delays of a GIF are whole hundredths of a second; ffmpeg alternates them
-SHORTEST_DELAY = 2  # hundredths; browsers show pictures with shorter delays for ten
+SHORTEST_DELAY = 2  # hundredths of a second; browsers take shorter delays for ten
 MP4_OPTIONS = f"-c:v libx264 -preset veryfast -crf {QUALITY} -pix_fmt yuv420p".split()
 MP4_OPTIONS += ["-movflags", "+faststart", "-f", "mp4"]
 
@@ -35,7 +35,7 @@ def film_frames(
 ) -> Iterator[Picture]:
     """The pictures of a film one by one, all versions side by side; width and height are even.
 
-    `cell` is the side of one version's picture in pixels; of `every` frames one is shown.
+    `cell` is the side of one version's picture in pixels; `every` is the step between frames.
     """
     seen = cameras(scene, look.upward)
     cell += cell % 2
@@ -77,7 +77,7 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
         except BrokenPipeError:
             raise InputError(f"{path}: ffmpeg stopped; choose another place") from None
         finally:
-            encoder.kill()  # has no effect on one that has ended
+            encoder.kill()  # has no effect on a process that has ended
             encoder.wait()
         if encoder.returncode:
             reason = messages.decode(errors="replace").strip().splitlines()[-1:]
@@ -110,7 +110,7 @@ def ffmpeg_path() -> str:
 def _ffmpeg(
     path: Path, picture: Picture, rate: float, coded: Iterable[str]
 ) -> subprocess.Popen[bytes]:
-    """An ffmpeg that waits for raw pictures of this size, with the options of a format."""
+    """An ffmpeg process that encodes raw pictures of this size from its standard input."""
     height, width = picture.shape[:2]
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{rate:g}")
     return subprocess.Popen(

@@ -45,7 +45,7 @@ def view(
     mano_dir: Path | str | None = None,
     on_step: OnStep | None = None,
 ) -> Path:
-    """Show a result, beside what it was made from where that is given too.
+    """Show a result, beside its input where `before` is passed.
 
         result = geneoh.denoise(sequence)
         geneoh.view(result, before=sequence)  # opens a page in the browser
@@ -59,24 +59,24 @@ def view(
     Args:
         result: what `denoise` returned, a sequence, or the npz file of either.
         path: file to write; without it a page in a temporary file is opened in the browser.
-        before: the input of the result, with as many frames.
-        obj: mesh files of the object in metres, one per rigid part, for npz files; without them
-            those that the npz file names; hands without any are shown alone.
-        title: of the page; the name of the file or the source of the sequence when left out.
+        before: the input of the result, with the same number of frames.
+        obj: mesh files of the object in metres, one per rigid part, for npz files; by default
+            those that the npz file names. Without a mesh only hands are shown.
+        title: title of the page; by default the name of the file or the source of the sequence.
         colouring: what the hands' colours show in pictures and films.
         up: axis of the world that points up; that of the body in the file, else z.
         frames: frames of a filmstrip; evenly spread ones when empty.
         cell: side of one picture of a filmstrip in pixels.
         mano_dir: folder of the user's MANO files, for results with MANO's hand.
-        on_step: called with the pictures or frames done and in all.
+        on_step: called with the number of pictures or frames done, and the total.
 
     Returns:
         The path that was written; of `.obj` and `.ply` that of the folder.
 
     Raises:
-        InputError: a file cannot be read or written, the path is one of those that are read or of a
-            file that geneoh did not write, the ending is of no format, the mesh that a
-            file names is not there any more, or the numbers of frames differ.
+        InputError: a file cannot be read or written, the output path is an input or a file that
+            geneoh did not write, its ending is of no known format, a mesh that a file names is
+            missing, or the numbers of frames differ.
         ConfigError: a colouring or an axis that does not exist, or frames that are no numbers.
         MissingAssetError: a film without ffmpeg, or a `mano_dir` without MANO's files.
     """
@@ -120,7 +120,7 @@ def open_scene(
     mano_dir: Path | str | None = None,
     **reading: Any,
 ) -> Scene:
-    """The scene of a result, and of what it was made from if that is given too.
+    """The scene of a result, and of its input where `before` is passed.
 
     The arguments are those of `view`; others, such as `side`, `fps` and `unit`, are those of
     `geneoh.load`, for npz files.
@@ -143,7 +143,7 @@ def open_scene(
 
 
 def confidence_of(result: Viewable) -> Float[Tensor, " T"] | None:
-    """The least confidence in the pose of any part in each frame, where there is any doubt."""
+    """Least confidence in the poses of the parts in each frame; None if unknown or 1 throughout."""
     found = None
     if isinstance(result, Path | str):
         found = load_confidence(Path(result))
@@ -154,7 +154,7 @@ def confidence_of(result: Viewable) -> Float[Tensor, " T"] | None:
 
 
 def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:
-    """Keypoints of the samples that the cleaner drew, per side; none where they were not kept."""
+    """Keypoints of the diffusion samples per side; empty where fewer than two are stored."""
     if isinstance(result, Path | str):
         return load_samples(Path(result))
     if isinstance(result, Sequence):

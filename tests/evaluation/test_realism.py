@@ -134,7 +134,7 @@ def test_controls_need_clips_of_two_blocks():
 
 
 def test_too_short_a_recording_is_refused_with_what_is_needed():
-    with pytest.raises(InputError, match=rf"blocks of {BLOCK}, .* got 1 block and 60 clips"):
+    with pytest.raises(InputError, match=rf"blocks of {BLOCK} frames .* got 1 block and 60 clips"):
         compare_clips(made(0, 1, BLOCK + 5), made(1, 60, 40))
 
 

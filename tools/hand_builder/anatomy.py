@@ -68,7 +68,7 @@ class Digit:
     profile: tuple[PchipInterpolator, PchipInterpolator, PchipInterpolator]
     """Half width, dorsal depth and palmar depth over q, mm."""
     squareness: float = 2.25
-    """Exponent of the superellipse that each cross-section is."""
+    """Exponent of the superelliptic cross-sections."""
 
     def centre(self, q: float) -> FloatArray:
         """The axis point at q."""
@@ -186,7 +186,7 @@ def smooth_min(distances: list[FloatArray], width: float) -> FloatArray:
 
 
 def smoothstep(x: FloatArray) -> FloatArray:
-    """From 0 at x = 0 to 1 at x = 1 without a bend at either end."""
+    """From 0 at x = 0 to 1 at x = 1, with zero slope at both ends."""
     x = np.clip(x, 0.0, 1.0)
     return x * x * (3 - 2 * x)
 

@@ -1,4 +1,4 @@
-"""Pose correctives: they restore the volume that linear blending loses outside of a bent joint.
+"""Pose correctives: restore the volume that linear blend skinning loses outside a bent joint.
 
 Blending two rotations linearly pulls the skin over a knuckle inwards, 3 mm on a finger bent by 100
 degrees. Blending the angle instead keeps it round. The difference, taken on the outer side only

@@ -28,10 +28,10 @@ FINGER_Q = {
     11: (0.70, 0.87, 1.0, 1.15, 1.45, 1.82, 2.0, 2.2, 2.55, 2.80, 2.945),
     12: (0.66, 0.80, 0.90, 1.0, 1.13, 1.45, 1.82, 2.0, 2.2, 2.55, 2.80, 2.945),
 }
-"""Places of a finger's rings along it (see `Digit`), by their number: close at the joints."""
+"""Positions q of a finger's rings (see `Digit`), by their number; they are denser at joints."""
 THUMB_Q = (0.93, 1.08, 1.27, 1.55, 1.83, 2.0, 2.17, 2.42, 2.68, 2.86, 2.96)
 THUMB_SHEAR = (0.42, 0.36, 0.25, 0.12, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""How much further out each ring of the thumb is on the side of the web: the first ones lean."""
+"""Tilt of each ring of the thumb, in q: its side at the web lies farther towards the tip."""
 KNUCKLES = 2
 """Row of the palm over the knuckles."""
 WEB_Q, WEB_DIP = 0.5, 0.06

@@ -33,7 +33,7 @@ PALM_ENDS = (-0.4, 1.3)
 """Range along a metacarpal in which the skin stretches with it, a little beyond both ends, so that
 the joints there stay centred; 0 and 1 are the ends."""
 BONE_ENDS = (-0.3, 1.3)
-"""The same for phalanges."""
+"""The same range along phalanges."""
 LATERAL = 6.5
 """Distance sideways over which the skin follows a metacarpal, mm."""
 
@@ -76,7 +76,7 @@ class _StretchableHand:
             -0.5 * (gap / LATERAL) ** 2 + 0.5 * (gap.min(1, keepdims=True) / LATERAL) ** 2
         )
         self.near = near / near.sum(1, keepdims=True)
-        """Which metacarpal (V, 5) the palm follows at each vertex."""
+        """Weight of each metacarpal (V, 5) at each vertex of the palm."""
 
     def girth(self) -> FloatArray:
         """Offset of each vertex from its bone, which a change of thickness scales."""

@@ -16,7 +16,7 @@ HALF_BLEND = (7.0, 5.5)
 """Half of the length over which the weights go from one phalanx to the next, mm: at the middle and
 at the distal joint."""
 SHARPNESS = 1.6
-"""Power of the harmonic weights, which spread far: a digit must not move another's knuckle."""
+"""Exponent that sharpens the harmonic weights, so that no digit moves another's knuckle."""
 KNUCKLE_ROW = 5
 """First palm row that follows the wrist alone."""
 THUMB_FREE_ROW = 3

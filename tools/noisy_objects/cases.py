@@ -89,7 +89,7 @@ def hand_scores(joints: Float[Tensor, "T 21 3"] | None, clean: Sequence) -> tupl
 
 
 def object_scores(clean: Sequence, noisy: Sequence, result: Sequence, symmetry: Symmetry) -> Scores:
-    """How far the object is off, and the hand in the frame of the object, up to symmetry."""
+    """Errors of the object, and of the hand in the object frame, up to symmetry of the mesh."""
     smooth, _ = clean_object(noisy.object, noisy.fps, tuple(map(palm_of, noisy.hands)))
     seen = noisy.object.valid
     lost = torch.zeros(noisy.frames, dtype=torch.bool) if seen is None else ~seen[:, 0].bool()
@@ -112,7 +112,7 @@ def object_scores(clean: Sequence, noisy: Sequence, result: Sequence, symmetry: 
 
 
 def turned_back(motion: ObjectTrack, truth: ObjectTrack, symmetry: Symmetry) -> ObjectTrack:
-    """The poses after the rotation of the mesh onto itself that is nearest to the truth."""
+    """The poses, composed with the symmetry of the mesh that brings them nearest to the truth."""
     turns = motion.rotation[:, 0].double().cpu().numpy()
     wanted = truth.rotation[:, 0].double().cpu().numpy()
     onto = np.stack(

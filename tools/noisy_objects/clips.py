@@ -30,27 +30,26 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAMES = 60
 RECORDING = "recording"
 MADE = ("mug", "ycb_035_power_drill.ply")
-"""A family and a scan of which nothing was trained on."""
+"""A family and a scan that are in no training data."""
 ROUND = ("bottle", "cylinder", "bowl", "ball")
 ROUND_SCANS = ("ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply", "ycb_056_tennis_ball.ply")
 SHAKEN = "shaken "
-"""Before the name of a clip: hand and object are shaken together."""
+"""Prefix of a clip's name: hand and object are shaken together."""
 BESIDE = "beside "
-"""Before the name of a clip: the hand in the mirror, which moves beside the object and holds
-nothing."""
+"""Prefix of a clip's name: the mirrored hand moves beside the object and holds nothing."""
 HOVERING = "hovering "
-"""The same, as near as a hand may be that touches it."""
+"""The same, as near to the object as a touching hand may be."""
 OFF, NEAR = 0.06, 0.015
-"""Metres from its nearest keypoint to the object, in the median over frames; the first is the
-least, if the image is farther aside by itself."""
+"""Median over frames of the distance from its nearest keypoint to the object, metres, in clips
+`BESIDE` (at least) and `HOVERING`."""
 HERTZ, DEGREES, LEVER = 4.0, 25.0, 0.25
-"""How often and how far they turn to and fro in the middle half of the clip, about a point that is
-so many metres away from the hand."""
+"""Frequency and amplitude of the shaking in the middle half of the clip, and distance in metres of
+its pivot from the wrist."""
 SPINS = "spins"
 """Noise "flips", about an axis of symmetry of the mesh."""
 HandNoise = Literal[Noise, "clean"]
 WhiteNoise = Literal["turn 2", "turn 10", "place 2", "place 10", "both 2", "both 10"]
-"""Noise that is drawn anew in every frame, by its deviation per axis in degrees and millimetres."""
+"""White noise, by its standard deviation per axis in degrees and millimetres."""
 ObjectKind = Literal[ObjectNoise, WhiteNoise, FilterKind, "exact", "spins"]
 
 
@@ -111,8 +110,8 @@ def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -
 
 
 def hovering(sequence: Sequence) -> Sequence:
-    """A clip with the hand's image in a mirror in the object's middle, and then so far aside that
-    it is as near as a hand that touches it may seem."""
+    """A clip with the hand mirrored at the object's centre, and moved aside until it is as near as
+    a touching hand may seem."""
     joints = sequence.hands[0].joints
     assert joints is not None, "every clip has joints"
     middle = sequence.object.translation[:, 0, 0].mean()
@@ -120,9 +119,9 @@ def hovering(sequence: Sequence) -> Sequence:
 
 
 def beside(sequence: Sequence, off: float = OFF, start: float = 0.0) -> Sequence:
-    """A clip with the hand's image in a mirror in place of it, so far aside that it is off.
+    """A clip with the mirrored hand in place of the hand, moved aside until it is `off` away.
 
-    The image is moved along x, from `start` on, metres.
+    It is moved along x, beginning with a shift of `start`; metres.
     """
     (hand,), surface = sequence.hands, sequence.object.surface()
     hand = hand.mirrored()
@@ -168,7 +167,7 @@ def with_noisy_object(
 
 
 def with_white_noise(sequence: Sequence, kind: str, generator: torch.Generator) -> Sequence:
-    """Noise of the rotation, of the place or of both that does not drift."""
+    """White noise of the rotation, of the translation, or of both."""
     name, size = kind.split()
     turn, shift = torch.randn(2, sequence.frames, 1, 3, generator=generator)
     turn *= math.radians(float(size)) * (name != "place")
@@ -194,7 +193,7 @@ def with_spins(sequence: Sequence, symmetry: Symmetry, generator: torch.Generato
 def displaced(
     sequence: Sequence, turn: Float[Tensor, "T Q 3 3"], shift: Float[Tensor, "T Q 3"]
 ) -> Sequence:
-    """A clip whose object is turned in its own frame and shifted in the world, metres."""
+    """A clip whose object is rotated in its own frame and shifted in the world frame, metres."""
     motion = sequence.object
     rotation, translation = motion.rotation @ turn, motion.translation + shift
     return replace(sequence, object=replace(motion, rotation=rotation, translation=translation))

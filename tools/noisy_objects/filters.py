@@ -1,4 +1,4 @@
-"""Filters that the object's track or the hand's went through, and not the other's."""
+"""Filters on the track of the object or of the hand, but not on both."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,8 +22,8 @@ from geneoh.sequence.sequence import Sequence
 FilterKind = Literal[
     "smooth 3", "smooth 6", "lag 0.3", "late 2", "hand smooth 3", "hand lag 0.3", "hand late 2"
 ]
-"""A Gaussian by its deviation in frames, a filter in which each frame counts by that share, or a
-delay in frames; of the object, or of the hand."""
+"""A Gaussian filter by its standard deviation in frames, an exponential moving average by the
+weight of a new frame, or a delay in frames; on the object, or on the hand."""
 
 
 def filtered_as(sequence: Sequence, kind: FilterKind) -> Sequence:
@@ -50,18 +50,18 @@ def filtered_as(sequence: Sequence, kind: FilterKind) -> Sequence:
 
 
 def smooth(values: Float64[np.ndarray, "T ..."], size: float) -> Float64[np.ndarray, "T ..."]:
-    """A Gaussian over frames, as of a smoother that knows the whole track."""
+    """A Gaussian filter over frames, as of an offline smoother."""
     return gaussian_filter1d(values, size, axis=0, mode="nearest")
 
 
 def lag(values: Float64[np.ndarray, "T ..."], share: float) -> Float64[np.ndarray, "T ..."]:
-    """A moving mean that knows what was before alone."""
+    """A causal exponential moving average; `share` is the weight of a new frame."""
     start = (1 - share) * values[:1]
     return lfilter([share], [1, share - 1], values, axis=0, zi=start)[0]
 
 
 def late(values: Float64[np.ndarray, "T ..."], frames: float) -> Float64[np.ndarray, "T ..."]:
-    """Every frame that many frames later."""
+    """A delay by whole frames."""
     return values[(np.arange(len(values)) - int(frames)).clip(0)]
 
 

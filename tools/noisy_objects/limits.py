@@ -1,4 +1,4 @@
-"""How near solvers come to the true track that are told what only the truth knows."""
+"""How near solvers come to the true track if they know what only the ground truth tells."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,7 +20,7 @@ from tools.noisy_objects.cases import off
 from tools.noisy_objects.clips import MADE, RECORDING, clip_of, symmetry_of, with_noisy_object
 
 FILTERS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
-"""Deviations of the Gaussian filters among which the truth chooses, frames."""
+"""Standard deviations in frames of Gaussian filters, of which the ground truth chooses the best."""
 STILL = 0.0003
 """True step in metres up to which the object is known to rest."""
 WINDOW = 5
@@ -31,7 +31,7 @@ SHAKY: tuple[ObjectNoise, ...] = ("shaky_2", "shaky_10")
 
 
 def lines_of_limits(seeds: int) -> Iterator[str]:
-    """What is left of an object's error, as a share of the input's, by each solver."""
+    """The remaining error of an object after each solver, as a share of the input's error."""
     names = ("smoothed", "refined with the true hand", "best filter")
     names += ("true accelerations and rests", "true motion, one lasting error")
     yield f"| clip | noise | input, mm | {' | '.join(names)} |"
@@ -76,14 +76,14 @@ def track_of(given: ObjectTrack, poses: Poses) -> ObjectTrack:
 
 
 def along(start: Poses, seen: Poses, size: float) -> Poses:
-    """A noisy track after a Gaussian filter, its turns along a path near to them."""
+    """A noisy track after a Gaussian filter; rotations are filtered along a path close to them."""
     gap = path(start[0]) + (seen[0] * start[0].inv()).as_rotvec()
     turned, places = (gaussian_filter1d(x, size, axis=0, mode="nearest") for x in (gap, seen[1]))
     return Rotation.from_rotvec(turned - path(start[0])) * start[0], places
 
 
 def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps: float) -> Poses:
-    """The solver of `refine_object`, told the noise, the true size of accelerations, and rests."""
+    """The solver of `refine_object`, given the noise, true sizes of accelerations, and rests."""
     count = len(seen[1])
     noise = np.array([np.radians(DEGREES[kind]), METRES_PER_DEGREE * DEGREES[kind]]) / 6**0.5
     steps = np.linalg.norm(np.diff(truth[1], axis=0), axis=1)

@@ -97,7 +97,7 @@ def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
 
 
 def lines_of_filters(found: dict[tuple[str, str, str], list[Scores]]) -> Iterator[str]:
-    """Input, filter and result for each filter that one of the two went through."""
+    """Scores of input, filter and result for each filter on the hand or on the object."""
     yield "| clip | noise | filtered | input | filter | result |"
     yield "|---" * 6 + "|"
     for (clip, noise, kind), scores in found.items():
@@ -111,7 +111,7 @@ def cell(found: list[Scores], *names: str) -> str:
 
 
 def lines_of_objects(found: dict[tuple[str, str, str], list[Scores]]) -> Iterator[str]:
-    """How far objects are off as given, smoothed and refined, and hands from them."""
+    """Errors of objects as input, smoothed and refined, and of hands relative to them."""
     names = "clip hand object input smoothed refined ratio lost hand ratio"
     yield f"| {' | '.join(names.split())} |"
     yield "|---" * 10 + "|"
