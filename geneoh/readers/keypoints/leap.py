@@ -34,7 +34,9 @@ def hands_of_leap(frame: dict[str, Any]) -> Iterator[dict[str, Any]]:
         points = {"wrist": hand.get("wrist")}
         for finger in fingers:
             number = finger.get("type")
-            if finger.get("handId") != hand.get("id") or number not in range(len(FINGERS)):
+            if not isinstance(number, int) or not 0 <= number < len(FINGERS):
+                continue
+            if finger.get("handId") != hand.get("id"):
                 continue
             for joint, segment in zip(JOINTS, SEGMENTS if number else OF_THUMB, strict=True):
                 points[f"{FINGERS[number]}_{segment}"] = finger.get(joint)

@@ -293,6 +293,7 @@ def test_frames_of_leap_motion_may_lack_the_wrist_a_finger_or_a_hand(read):
     frames = [leap(points, k, "left") for k, points in enumerate(POINTS)]
     del frames[0]["hands"][0]["wrist"]
     del frames[1]["pointables"][1]
+    frames[1]["pointables"] += [{"handId": 7, "type": 1.5}, {"handId": 7, "type": None}, None]
     frames[2] |= {"hands": [], "pointables": []}
     hand = read(frames).hands[0]
     assert hand.side == "left"
