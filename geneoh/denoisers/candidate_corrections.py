@@ -1,9 +1,10 @@
 """Candidate corrections of a noisy hand, which MotionDiff mixes frame by frame.
 
 They are precomputed because the network learns smoothing and surface snapping slowly. Each is a
-change of the observed hand in the units of `HandParameters.moved`, the wrist's in canonical axes:
-to the hand filtered over time; to flat fingers, a share of which shrinks a pose that is too large;
-and to fingertips that touch the surface, the hand moved as a whole and bent finger by finger.
+change of the observed hand in the units of `HandParameters.moved`, with the wrist's translation in
+canonical axes. The candidates are: the low-pass filtered hand; flat fingers, a share of which
+shrinks a pose that is too large; and fingertips on the surface, reached by moving the whole hand
+and by bending each finger.
 """
 
 import torch
@@ -14,15 +15,16 @@ from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matr
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, TIP_KEYPOINTS, TIP_PARENTS
 from geneoh.representation.parameters import UNIT, HandParameters
 
-SMOOTHING_FRAMES = (1.5, 4.0, 10.0, 25.0)  # deviations of the filters of the observed hand
-FLAT_FRAMES = 10.0  # the same for the pose that flat fingers undo, without the noise of frames
-CONTACT_FRAMES = (4.0, 25.0)  # of the changes to the surface, which single frames show badly
+# standard deviations in frames of the Gaussian filters
+SMOOTHING_FRAMES = (1.5, 4.0, 10.0, 25.0)  # of the observed hand
+FLAT_FRAMES = 10.0  # of the finger pose that the flat-finger candidate subtracts
+CONTACT_FRAMES = (4.0, 25.0)  # of the changes to the surface, which are noisy in single frames
 CANDIDATES = len(SMOOTHING_FRAMES) + 1 + len(CONTACT_FRAMES)  # number of candidate corrections
 PAD_DEPTH = 0.008  # distance from a fingertip's keypoint to the skin of its pad, metres
-HAND_REACH, FINGER_REACH = 0.03, 0.05  # gaps over which a tip's weight decays, metres
-SLIDING = 0.1  # weight of a gap along the surface, relative to one across it
-DAMPING = 0.02  # lever in metres below which a joint closes no gap: it would turn too far
-LARGEST_CHANGE = 6.0  # bound of the changes that bring fingertips to the surface, in units
+HAND_REACH, FINGER_REACH = 0.03, 0.05  # decay length of a tip's weight with its gap, metres
+SLIDING = 0.1  # weight of a tangential gap relative to a normal one
+DAMPING = 0.02  # lever arm in metres below which the damping suppresses rotation
+LARGEST_CHANGE = 6.0  # bound of the changes that bring fingertips to the surface, units of `UNIT`
 
 
 def candidate_corrections(
@@ -32,9 +34,10 @@ def candidate_corrections(
     normals: Float[Tensor, "B T 21 3"],
     rotation: Float[Tensor, "B T 3 3"],
 ) -> Float[Tensor, "B T K 51"]:
-    """All candidate corrections of an observed hand in the canonical frame, gaps filled. `nearest`
-    are surface points next to the keypoints, with their outward `normals`; `rotation` is of the
-    canonical frame to the world."""
+    """All K candidate corrections of an observed hand in the canonical frame, gaps filled.
+
+    `nearest` are the closest surface points to the keypoints, with their outward `normals`, and
+    `rotation` maps the canonical frame to the world."""
     smooth, flatten, touch = (
         filter_kernels(trust, widths)
         for widths in (SMOOTHING_FRAMES, (FLAT_FRAMES,), CONTACT_FRAMES)
@@ -50,7 +53,7 @@ def candidate_corrections(
 def filter_kernels(
     trust: Float[Tensor, "B T"], widths: tuple[float, ...]
 ) -> Float[Tensor, "B K T T"]:
-    """Gaussian filters over time as matrices; frames without trust get almost no weight."""
+    """Gaussian filters over time as T x T matrices; frames of zero trust have almost no weight."""
     time = torch.arange(trust.shape[1], device=trust.device)
     apart = (time[:, None] - time).square()
     kernels = torch.stack([torch.exp(-0.5 * apart / width**2) for width in widths])
@@ -61,7 +64,7 @@ def filter_kernels(
 def filtered_changes(
     hand: HandParameters, kernels: Float[Tensor, "B K T T"]
 ) -> Float[Tensor, "B K T 51"]:
-    """Changes from a hand to the same hand filtered over time."""
+    """Changes from a hand to its low-pass filtered versions."""
     six = matrix_to_rotation_6d(hand.turn)
     values = torch.cat([hand.wrist, six, hand.fingers.flatten(2)], dim=-1)
     wrist, six, fingers = (kernels @ values[:, None]).split([3, 6, 45], dim=-1)
@@ -90,15 +93,16 @@ def whole_hand_to_touch(
     rotation: Float[Tensor, "B T 3 3"],
     kernels: Float[Tensor, "B K T T"],
 ) -> Float[Tensor, "B K T 51"]:
-    """Changes of the whole hand that bring fingertips onto the tangent planes next to them.
+    """Rigid motions of the hand that bring fingertips onto the tangent planes next to them.
 
-    Damped least squares under a filter, for one shift in world axes, in which a tracker's offset is
-    constant, and one turn in the hand's axes. Far tips count less; a tip may slide on its plane.
+    Damped least squares on normal equations that are filtered over time. The unknowns are a
+    translation in world axes, because a tracker's offset is constant there, and a rotation in the
+    wrist's axes. Far tips have less weight, and sliding along the plane costs little.
     """
     tips, gap, apart = tip_gaps(hand, nearest, normals)
     outward = normals[:, :, list(TIP_KEYPOINTS)]
 
-    # the derivative of each tip by the shift and by the turn about the wrist
+    # Jacobian of each tip in the translation and in the rotation about the wrist
     arm = -skew(tips - hand.wrist[:, :, None]) @ hand.turn[:, :, None]
     shift = rotation.mT[:, :, None].expand_as(arm)
     lever = torch.cat([shift * UNIT[0], arm * UNIT[3]], dim=-1)  # (B, T, 5, 3, 6)
@@ -119,11 +123,11 @@ def whole_hand_to_touch(
 def fingers_to_touch(
     hand: HandParameters, nearest: Float[Tensor, "B T 21 3"], normals: Float[Tensor, "B T 21 3"]
 ) -> Float[Tensor, "B T 51"]:
-    """Changes of each finger that bring its tip onto the surface, by damped least squares."""
+    """Rotations of each finger's joints that bring its tip to the surface; damped least squares."""
     joints, turns = hand.posed
     tips, gap, apart = tip_gaps(hand, nearest, normals)
 
-    # the derivative of each tip by the turns of its finger's three joints
+    # Jacobian of each tip in the rotations of its finger's three joints
     last = torch.tensor(TIP_PARENTS)
     chain = torch.stack([last - 2, last - 1, last], dim=-1)  # (5, 3)
     pivot = joints[:, :, list(MANO_FROM_OPENPOSE)][:, :, chain]

@@ -1,10 +1,10 @@
-"""An error that drifts: what comes and goes over the object that a hand holds is taken for one.
+"""Drift of a tracker: temporary motion of a hand over an object that it holds is taken as error.
 
-A hand that holds an object keeps its place on it but for a few millimetres. Where it seems to
-wander further, within half a second, the estimate of its place wanders: as a whole, or along the
-ray of the camera. Under each of some sizes of the error the wandering that is seen has a
-probability (as a Gaussian process), and the answer is the mean of all by these, so that a hand
-which keeps its place is left alone.
+A hand that holds an object keeps its position on it within a few millimetres. If it seems to move
+further within half a second, the tracker drifts: in all directions, or along the camera ray. The
+drift is modelled as a Gaussian process, with several candidate sizes. The result is the mean of
+their posterior means, weighted by the likelihood of each size, so that a hand which keeps its
+position is hardly changed.
 """
 
 from collections.abc import Iterator
@@ -16,35 +16,35 @@ from torch import Tensor
 from geneoh.denoisers.holding import HeldPlace
 
 OWN, OWN_FRAMES = 0.002, 60.0
-"""Deviation along each axis of a hand's own sliding over what it holds, metres, and the frames over
-which it stays alike."""
+"""Real sliding of a hand over the object: standard deviation per axis, metres, and correlation
+time, frames."""
 QUICK, QUICK_FRAMES = 0.003, 2.0
-"""The same of quicker sliding, which is left as it is."""
+"""Standard deviation and correlation time of quick real sliding, which is not removed."""
 DRIFT_FRAMES = 10.0
-"""Frames over which an error that drifts stays alike."""
+"""Correlation time of the drift, frames."""
 SIZES = (0.0, 0.003, 0.006, 0.01)
-"""Deviations along each axis that are tried for the error of the whole hand, metres."""
+"""Candidate standard deviations per axis of the drift of the whole hand, metres."""
 RAY_SIZES = (0.0, 0.005, 0.01)
-"""The same along the ray of the camera, where it is known."""
+"""Candidate standard deviations of additional drift along the camera ray, if known, metres."""
 LOOSE, LEAST_HELD = 0.02, 1e-6
-"""Deviation of the place of a hand that is as surely free as it holds the object, metres; and how
-surely it holds it at least, so that one that is free tells nothing, but is a number."""
+"""Standard deviation of the position of a hand that holds the object with probability 0.5, metres;
+and the lower bound of this probability, which keeps the variance of a free hand finite."""
 FAR = 0.04
-"""Distance from its usual place on the object from which on a hand is taken for one that holds it
-elsewhere, or the object's pose for a wrong one, metres."""
+"""Distance from the median position on the object, metres, at which a frame loses half its weight:
+the hand holds the object elsewhere, or the object's pose is wrong."""
 EVERY = 3
-"""Frames from one that is looked at to the next."""
+"""Every third frame enters the Gaussian process."""
 
 
 def drift(
     held: HeldPlace, noise: Float[Tensor, "B 1"], ray: Float[Tensor, "B T 3"] | None = None
 ) -> Float[Tensor, "B T 3"]:
-    """The error of each hand's place that drifts, in each frame, world frame, metres.
+    """The drift of each hand in each frame, world frame, metres.
 
     Args:
-        held: where the middle of each hand is on the part of the object that it holds.
-        noise: mean square distance by which noise of the object moves it there, square metres.
-        ray: unit direction from the camera to the hand, world; None where it is not known.
+        held: position of the centre of each hand on the part of the object that it holds.
+        noise: mean square displacement of `held.place` by noise of the object's poses, m^2.
+        ray: unit direction from the camera to the hand, world frame; None if unknown.
     """
     frames = torch.arange(held.place.shape[1], device=held.place.device).double()
     some = slice(None, None, EVERY)
@@ -67,7 +67,7 @@ def drift(
         found.append((ways @ amount[..., None])[..., 0])
         likely.append(probability)
     shares = torch.softmax(torch.stack(likely), dim=0)[..., None, None]
-    # where nothing is held at all there is none, to the last bit
+    # a hand that never holds the object has exactly zero drift
     shares = shares * (held.sure > 0).any(1)[:, None, None]
     return (shares * torch.stack(found)).sum(0).to(held.place)
 
@@ -75,7 +75,7 @@ def drift(
 def _ways_to_drift(
     held: HeldPlace, ray: Float[Tensor, "B T 3"] | None
 ) -> Iterator[Float64[Tensor, "B T 3 K"]]:
-    """The errors that are tried: K vectors of the world, of as many independent parts of each."""
+    """Candidate drifts: factors (K columns) of their covariance in the world frame, metres."""
     axes = _axes(held.place).expand(*held.place.shape[:2], 3, 3)
     for size in SIZES:
         if ray is None:
@@ -88,8 +88,10 @@ def _ways_to_drift(
 def _explained(
     place: Float64[Tensor, "B N 3"], covariance: Float64[Tensor, "B M M"]
 ) -> tuple[Float64[Tensor, "B N 3"], Float64[Tensor, " B"]]:
-    """Places as a Gaussian process around a mean that is not known, M = 3N: what the inverse of the
-    covariance makes of them, and the logarithm of their probability up to a constant."""
+    """Gaussian process with unknown constant mean over N positions, M = 3N.
+
+    Returns the inverse covariance times the residual of the positions from the estimated mean, and
+    the log marginal likelihood up to a constant."""
     root = torch.linalg.cholesky(covariance)
     mean = _axes(place).repeat(place.shape[1], 1).expand(len(place), -1, 3)
     flat = place.flatten(1)[..., None]
@@ -101,10 +103,10 @@ def _explained(
 
 
 def _flat(covariance: Float64[Tensor, "B N 3 N 3"]) -> Float64[Tensor, "B M M"]:
-    """The covariance of M = 3N numbers."""
+    """The covariance as M x M matrices, M = 3N."""
     return covariance.flatten(3).flatten(1, 2)
 
 
 def _axes(beside: Tensor) -> Float64[Tensor, "3 3"]:
-    """The identity, on the device of a tensor."""
+    """The 3 x 3 identity, on the device of a tensor."""
     return torch.eye(3, dtype=torch.float64, device=beside.device)

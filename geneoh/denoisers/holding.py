@@ -1,4 +1,4 @@
-"""Which part of an object a hand holds, and where on it the hand is."""
+"""Confidence that a hand holds a part of an object, and the hand's position on that part."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,12 +10,12 @@ from torch import Tensor
 from geneoh.denoisers.spatial import SPEED_UNIT, object_noise_of, relative_speeds
 
 HELD_SPEED = 0.001
-"""By how much the object at the hand must be faster than the hand is over it for a frame to count
-as held for certain, metres a frame: an object that passes by is not held."""
+"""Confidence is 1 where the object's speed at the hand exceeds the hand's speed relative to the
+object by this much, metres per frame: an object that passes by is not held."""
 REACHES, OFF = 0.008, 0.03
-"""Speed over the object, metres a frame, and distance from it, metres, that a hand which holds it
-does not have both; half of each is no sign. In the view of a camera that moves, the object moves
-while the hand reaches for it."""
+"""A hand with at least this relative speed, metres per frame, at this distance from the object,
+metres, certainly does not hold it; at half of either there is no effect. This matters with a moving
+camera, where the object moves in the camera frame while the hand still reaches for it."""
 
 
 def holding(
@@ -24,9 +24,9 @@ def holding(
     translation: Float[Tensor, "B T Q 3"],
     apart: Float[Tensor, "B T"] | None = None,
 ) -> Float[Tensor, "B T Q"]:
-    """How surely each hand holds each part of an object, 0 to 1: both move, and together.
+    """Confidence, 0 to 1, that each hand holds each part of an object: both move, and together.
 
-    `apart` is how far the nearest keypoint is from the object, metres; None for hands at it.
+    `apart` is the distance of the nearest keypoint to the object, metres; None stands for zero.
     """
     off = 0.0 if apart is None else (2 * apart / OFF - 1).clamp(0, 1)
     held = []
@@ -40,11 +40,11 @@ def holding(
 
 @dataclass(frozen=True, eq=False)
 class HeldPlace:
-    """Where the middle of each of B hands is on the part of the object that it holds longest."""
+    """Position of the centre of each of B hands on the object part that it holds longest."""
 
-    place: Float[Tensor, "B T 3"]  # in the frame of the part, metres
-    rotation: Float[Tensor, "B T 3 3"]  # of the part in the world
-    sure: Float[Tensor, "B T"]  # how surely it is held, 0 to 1
+    place: Float[Tensor, "B T 3"]  # centre of the hand in the frame of the part, metres
+    rotation: Float[Tensor, "B T 3 3"]  # rotation of the part, part frame to world
+    sure: Float[Tensor, "B T"]  # confidence that the part is held, 0 to 1
 
     @classmethod
     def of(
@@ -54,9 +54,10 @@ class HeldPlace:
         translation: Float[Tensor, "B T Q 3"],
         held: Float[Tensor, "B T Q"],
     ) -> "HeldPlace":
-        """On objects of Q parts, world frame, metres. `middle` is the mean of the hand's keypoints,
-        about which people turn what they hold; `held` how surely it holds each part in each frame,
-        0 to 1."""
+        """Select the longest held of Q parts and express the hand's centre in its frame.
+
+        Inputs are in the world frame, metres. `middle` is the mean of the hand's keypoints, about
+        which people turn what they hold; `held` is the result of `holding`."""
         each, longest = torch.arange(len(held), device=held.device), held.sum(1).argmax(-1)
         rotation, translation, sure = (x[each, :, longest] for x in (rotation, translation, held))
         place = (rotation.mT @ (middle - translation)[..., None])[..., 0]
@@ -64,12 +65,12 @@ class HeldPlace:
 
     @cached_property
     def share(self) -> Float[Tensor, "B T"]:
-        """Weight of each frame in means over the frames that are held."""
+        """Weight of each frame in means over held frames; sums to 1."""
         return self.sure / self.sure.sum(1, keepdim=True).clamp(min=1e-6)
 
     def object_noise(self, track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 1"]:
-        """Mean square distance in square metres by which white noise on the object's poses moves
-        the hand over it; `track` tells how noisy they were (`track_cues`)."""
+        """Mean square displacement, m^2, of the hand in the part frame that white noise on the
+        object's poses causes; the noise is read from `track` (`track_cues`)."""
         lever = (self.share * self.place.square().sum(-1)).sum(1, keepdim=True)
         turn, shift = object_noise_of(track).square().split(1, dim=-1)
         return lever * turn + shift

@@ -1,10 +1,10 @@
 """TemporalDiff in the paper's form: a denoiser of the latent of temporal relations (paper C.5).
 
 As in the paper, a PointNet over the contact points of each frame pair and a transformer over pairs
-encode T, a fully connected layer decodes it, and the diffusion runs on the latent. Ours: the layer
-decodes keypoints and their velocities, so that all statistics agree with each other. The latent
-starts as the places that the distances tell of keypoints, and their velocities, to which the
-network adds.
+encode the relations T, a fully connected layer decodes them, and the diffusion runs on the latent.
+Ours: the layer decodes keypoint positions and velocities, from which all statistics follow and so
+agree with each other. Before training, the latent is these positions (by trilateration from the
+distances) and velocities; the network learns a residual.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from geneoh.representation.temporal import (
 )
 
 SPEED_SCALE = 0.2  # typical relative speed near contact, m/s
-HAND_NUMBERS = 2 * 63  # places and velocities of keypoints
+HAND_NUMBERS = 2 * 63  # positions and velocities of 21 keypoints
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class LatentConfig(NetworkConfig):
 
 
 class TemporalAutoencoder(nn.Module):
-    """Encodes T to one latent per frame pair and decodes it around any contact points."""
+    """Encodes the relations T to one latent per frame pair; decodes it at any contact points."""
 
     def __init__(self, config: LatentConfig) -> None:
         """Build encoder and decoder; latent statistics are buffers set after training."""
@@ -97,7 +97,7 @@ class TemporalAutoencoder(nn.Module):
         normals: Float[Tensor, "B T K 3"],
         points: Float[Tensor, "B T K 3"],
     ) -> PairStatistics:
-        """Statistics around contact points of known velocity, normal and position."""
+        """Pair statistics at contact points of known velocity, normal and position."""
         latent = latent * self.latent_std + self.latent_mean
         places, velocity = self.to_hand(latent).unflatten(-1, (2, 21, 3)).unbind(-3)
         return pair_statistics(
@@ -123,7 +123,7 @@ class LatentDenoiser(nn.Module):
     def forward(
         self, x: Float[Tensor, "B T Z"], sigma: Float[Tensor, " B"]
     ) -> Float[Tensor, "B T Z"]:
-        """The clean latent in `x` = clean + sigma * noise, whitened."""
+        """The clean whitened latent, predicted from `x` = clean + sigma * noise."""
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.trunk(self.embed(scaled), level.flatten())

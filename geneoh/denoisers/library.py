@@ -1,4 +1,4 @@
-"""The trained denoisers: where the shipped weights are and how networks are rebuilt from files."""
+"""Load the trained denoisers from checkpoints: the shipped ones, or a user's."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,9 +18,9 @@ from geneoh.nn.weights import file_or_shipped, load_network
 
 SHIPPED = Path(__file__).parent / "assets"  # the weights in the package, STAGE.safetensors
 CLEANING_STAGES = ("motion", "spatial", "temporal")
-"""Stages whose weights a user's folder must hold to clean with it."""
+"""Stages whose weights a user's folder must contain."""
 PAPER_STAGES = ("trajectory", "relations", "latent")
-"""The three stages in the paper's form, which only the preset `paper` needs."""
+"""The three stages in the paper's form; only the preset `paper` needs them."""
 NETWORKS: dict[str, tuple[Any, Any]] = {
     "motion": (MotionDenoiser, MotionConfig),
     "spatial": (SpatialDenoiser, SpatialConfig),
@@ -29,7 +29,7 @@ NETWORKS: dict[str, tuple[Any, Any]] = {
     "relations": (RelationDenoiser, RelationConfig),
     "latent": (LatentDenoiser, LatentConfig),
 }
-"""The network of each stage, and the settings of its size."""
+"""Network class and configuration class of each stage."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,18 @@ class Denoisers:
     spatial: SpatialDenoiser
     temporal: TemporalDenoiser
     trajectory: TrajectoryDenoiser | None = None
-    """MotionDiff in the paper's form, as `relations` is SpatialDiff and `latent` TemporalDiff; None
-    where they are not asked for."""
+    """MotionDiff in the paper's form; None if not loaded."""
     relations: RelationDenoiser | None = None
+    """SpatialDiff in the paper's form; None if not loaded."""
     latent: LatentDenoiser | None = None
+    """TemporalDiff in the paper's form; None if not loaded."""
 
 
 def load_denoisers(
     folder: Path | None = None, *, device: torch.device | str = "cpu", paper: bool = True
 ) -> Denoisers:
-    """The networks from a folder of STAGE.safetensors; None is for the shipped. `paper` asks for
-    those in the paper's form as well.
+    """The networks from a folder of STAGE.safetensors files, by default the shipped ones. `paper`
+    also loads the networks in the paper's form.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.
@@ -63,7 +64,7 @@ def load_denoisers(
 
 
 def version_of(path: Path) -> tuple[int, int]:
-    """Time of change and size of a file, which tell that it is another one; zeros without it."""
+    """Modification time and size of a file, which detect a changed file; zeros if it is missing."""
     try:
         found = path.stat()
     except OSError:
@@ -75,7 +76,7 @@ def version_of(path: Path) -> tuple[int, int]:
 def kept_denoisers(
     files: tuple[tuple[Path, tuple[int, int]], ...], device: torch.device, precision: torch.dtype
 ) -> Denoisers:
-    """The networks of some files, kept for the next clips: they are read in a tenth of a second."""
+    """The networks of some files, cached for the next clips: loading takes a tenth of a second."""
     networks = {path.stem: load_network(path, *NETWORKS[path.stem]) for path, _ in files}
     for network in networks.values():
         multiply_in(network.to(device), precision)
@@ -83,17 +84,18 @@ def kept_denoisers(
 
 
 def load_motion(folder: Path) -> MotionDenoiser:
-    """MotionDiff for the training of later stages: from the folder if it is there, else shipped."""
+    """MotionDiff for the training of later stages: from the folder if it has one, else shipped."""
     return load_network(file_or_shipped("motion", folder, SHIPPED), *NETWORKS["motion"])
 
 
 def stage_weights(name: str, folder: Path | None) -> Path:
-    """The file of weights in a folder, where those of cleaning stages must be, else the shipped."""
+    """Path of a stage's weights: in the folder if given (stages of the paper's form only if they
+    are there), else the shipped file."""
     if folder is not None and name in CLEANING_STAGES:
         return folder / f"{name}.safetensors"
     return file_or_shipped(name, folder, SHIPPED)
 
 
 def all_weights(folder: Path | None) -> list[Path]:
-    """The files of weights that cleaning may read, of all stages."""
+    """Paths of the weights of all stages, which cleaning may read."""
     return [stage_weights(name, folder) for name in (*CLEANING_STAGES, *PAPER_STAGES)]

@@ -1,8 +1,8 @@
 """MotionDiff: the denoiser of canonical hand trajectories (paper 3.2; appendices A.2, C.4, C.5).
 
-The trajectory is denoised as the hand's parameters with the person's own bones, as changes of the
-observed ones, and the network's input tells where the object's surface is. The paper's own form, on
-keypoints alone, is `geneoh.denoisers.trajectory`.
+The diffused variable is the change of the hand's pose parameters from the observed ones, with the
+person's own bone lengths; the network also sees the object's surface near the hand. The paper's
+form, on keypoints alone, is `geneoh.denoisers.trajectory`.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class MotionConfig(NetworkConfig):
 
 @dataclass(frozen=True)
 class NetworkInput(Bundle):
-    """What the network reads of an observation, all of it in the axes of the palm."""
+    """Network input computed from an observation, all in the axes of the palm."""
 
     axes: Float[Tensor, "B 3 3"]  # axes of the palm as columns, canonical frame
     candidates: Float[Tensor, "B T K 51"]
@@ -50,7 +50,7 @@ class NetworkInput(Bundle):
     features: Float[Tensor, "B T F"]
 
     def repeated(self, times: int) -> "NetworkInput":
-        """The same batch several times over, for as many samples."""
+        """The batch repeated for several samples, samples outermost."""
         return self.map(lambda value: value.repeat(times, *[1] * (value.ndim - 1)))
 
 
@@ -62,8 +62,8 @@ class ObservedMotion(Bundle):
     trust: Float[Tensor, "B T"]  # 0 where a frame was filled in, else its mean confidence, <= 1
     nearest: Float[Tensor, "B T 21 3"]  # surface point nearest to each keypoint, canonical
     normals: Float[Tensor, "B T 21 3"]  # outward normals there
-    rotation: Float[Tensor, "B T 3 3"]  # R_k, canonical to world: tells how the object moves
-    center: Float[Tensor, "B T 3"]
+    rotation: Float[Tensor, "B T 3 3"]  # R_k of the canonical frame, to world: the object's motion
+    center: Float[Tensor, "B T 3"]  # origin of the canonical frame, world
 
     @classmethod
     def of(
@@ -74,7 +74,7 @@ class ObservedMotion(Bundle):
         normals: Float[Tensor, "B T 21 3"],
         region: ContactRegion,
     ) -> "ObservedMotion":
-        """A hand and the surface near it, all given in the world, in the frame of a region."""
+        """The condition from a hand and the surface near it, both passed in the world frame."""
         near = region.to_canon(nearest), normals @ region.rotation
         return cls(hand.to_canon(region), trust, *near, region.rotation, region.center)
 
@@ -85,8 +85,8 @@ class ObservedMotion(Bundle):
 
     @cached_property
     def network_input(self) -> NetworkInput:
-        """What the network reads, the same at every noise level and therefore kept."""
-        axes = palm_axes(self.joints)  # so that the answer turns with the hand
+        """The network's input; cached, because it is the same at every noise level."""
+        axes = palm_axes(self.joints)  # makes the output rotation equivariant
         offset = (self.nearest - self.joints) @ axes[:, None]
         return NetworkInput(
             axes, self.candidates(axes), self.contact_cues(offset), self.features(axes, offset)
@@ -95,7 +95,7 @@ class ObservedMotion(Bundle):
     def features(
         self, axes: Float[Tensor, "B 3 3"], offset: Float[Tensor, "B T 21 3"]
     ) -> Float[Tensor, "B T F"]:
-        """Features per frame in the given axes; `offset` is from keypoints to surface, in these."""
+        """Features per frame in the given axes, which `offset` (keypoint to surface) is also in."""
         hand, joints = self.hand, self.joints @ axes[:, None]
         wrist, turn = joints[:, :, :1], axes[:, None].transpose(-1, -2) @ hand.turn
         six = matrix_to_rotation_6d(turn)
@@ -119,20 +119,21 @@ class ObservedMotion(Bundle):
         return torch.cat(parts, dim=-1)
 
     def candidates(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
-        """Candidate corrections of the observed hand, the wrist's change in the given axes."""
+        """Candidate corrections of the observed hand, with the wrist's change in the given axes."""
         changes = candidate_corrections(
             self.hand, self.trust, self.nearest, self.normals, self.rotation
         )
         return turned(changes, axes[:, None, None])
 
     def contact_cues(self, offset: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T C"]:
-        """Offset from each keypoint to the surface (cm), fading with distance; then the fingers."""
+        """Offset from each keypoint to the surface in cm, decaying with distance, then the finger
+        pose in units of `UNIT`."""
         near = torch.exp(-offset.norm(dim=-1, keepdim=True) / CONTACT_CUE_SCALE)
         fingers = self.hand.fingers.flatten(2) / UNIT[-1]
         return torch.cat([(offset * near / 0.01).flatten(2), fingers], dim=-1)
 
     def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
-        """Velocity and turn rate of the object between frames, in units of 0.09 m/s, 0.9 rad/s."""
+        """Motion of the canonical frame to the next frame; see `object_rates`."""
         rotation, center = self.rotation, self.center
         turn = rotation[:, :-1].transpose(-1, -2) @ rotation[:, 1:]
         move = (center.diff(dim=1)[..., None, :] @ rotation[:, :-1])[..., 0, :]
@@ -140,7 +141,7 @@ class ObservedMotion(Bundle):
 
 
 def jitter_of(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B T D"]:
-    """Second difference over time, a measure of jitter; zero at both ends."""
+    """Second difference over time; zero in the first and the last frame."""
     if values.shape[1] < 3:
         return torch.zeros_like(values)
     return torch.nn.functional.pad(values.diff(n=2, dim=1), (0, 0, 1, 1))
@@ -150,7 +151,7 @@ class MotionDenoiser(nn.Module):
     """A transformer over frames that maps a noisy change of the observed hand to the clean one."""
 
     def __init__(self, config: MotionConfig) -> None:
-        """Build the network; its last layers start at zero, so it starts as the skip path."""
+        """Build the network; its last layers start at zero, which leaves the skip path alone."""
         super().__init__()
         self.config = config
         self.embed = nn.Linear(51 + 51 * CANDIDATES + MOTION_FEATURES, config.width)
@@ -158,8 +159,8 @@ class MotionDenoiser(nn.Module):
         self.head = zeroed(nn.Linear(config.width, 51))
         self.gate = zeroed(nn.Linear(config.width, 51))
         self.mix = zeroed(nn.Linear(config.width, 51 * CANDIDATES))
-        # a linear map of low rank: the tokens decide in each frame how much each channel counts,
-        # because candidates and cues must be read together
+        # a low-rank linear map of candidates and contact cues together, whose channels the tokens
+        # weight in each frame
         self.read = nn.Linear(51 * CANDIDATES + CONTACT_CUES, config.rank)
         self.open = zeroed(nn.Linear(config.width, config.rank))
         self.write = nn.Linear(config.rank, 51, bias=False)
@@ -167,10 +168,10 @@ class MotionDenoiser(nn.Module):
     def forward(
         self, x: Float[Tensor, "B T 51"], sigma: Float[Tensor, " B"], observed: ObservedMotion
     ) -> Float[Tensor, "B T 51"]:
-        """The clean change in `x` = clean + sigma * noise, from the observed to the clean hand.
+        """The change from the observed to the clean hand, from `x` = clean + sigma * noise.
 
-        It is in units of `UNIT`, the wrist's in canonical axes. `x` may hold several samples of
-        each observed window, samples outermost.
+        Changes are in units of `UNIT`, the wrist's in canonical axes. `x` may hold several samples
+        of each observed window, samples outermost.
         """
         given = observed.network_input.repeated(len(x) // len(observed.trust))
         axes, candidates = given.axes, given.candidates
@@ -180,7 +181,7 @@ class MotionDenoiser(nn.Module):
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled, features], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
-            # the gate scales the sample itself: how far this input's observation is to be trusted
+            # the gate scales the noisy sample, and so sets how far the observation is trusted
             mix = self.mix(tokens).unflatten(-1, candidates.shape[2:])
             own = self.head(tokens) + self.write(self.open(tokens) * channels)
             return own + self.gate(tokens) * scaled + (mix * candidates).sum(2)

@@ -1,8 +1,9 @@
 """SpatialDiff in the paper's form, on relations (3.2; appendices A.2, C.4, C.5).
 
-Every contact point predicts the offsets of a whole hand, and eq. (8) averages them. Unlike in the
-paper, the points of a frame exchange information through the mean of their hands and a pooled
-token: a finger's front and back can be told apart, and frames alone cost.
+Every contact point predicts the offsets of all keypoints, and eq. (8) averages the hands of all
+points. Unlike in the paper, the points of a frame exchange information, through the mean of their
+hands and a pooled token: the network can distinguish front and back of a finger, and the cost of
+the transformer depends on the number of frames only.
 """
 
 from dataclasses import dataclass, replace
@@ -33,7 +34,8 @@ class RelationConfig(NetworkConfig):
 
 
 def contact_features(relations: SpatialRelations) -> Float[Tensor, "B T K 42"]:
-    """Closeness of each keypoint to each point, and its signed height over the surface there."""
+    """Closeness of each keypoint to each contact point, and its signed height over the surface
+    there in cm, decaying with distance."""
     offsets = relations.offsets
     near = torch.exp(-offsets.norm(dim=-1) / CONTACT_SCALE)
     height = (offsets * relations.normals[..., None, :]).sum(-1) * near / 0.01
@@ -41,10 +43,11 @@ def contact_features(relations: SpatialRelations) -> Float[Tensor, "B T K 42"]:
 
 
 class RelationDenoiser(nn.Module):
-    """A network per contact point around a transformer over frames: noisy to clean offsets."""
+    """Maps noisy to clean offsets: an MLP per contact point before and after a transformer over
+    frames."""
 
     def __init__(self, config: RelationConfig) -> None:
-        """Build the network; its last layers start at zero, so it starts as the skip path."""
+        """Build the network; its last layers start at zero, which leaves the skip path alone."""
         super().__init__()
         self.config = config
         width, point = config.width, config.point_width
@@ -59,10 +62,10 @@ class RelationDenoiser(nn.Module):
     def forward(
         self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], scale: WindowScale
     ) -> SpatialRelations:
-        """The clean relations in `noisy` = clean + sigma * noise, canonical frame, metres; the
-        noise may differ per point. `sigma` is in units of the window, whose `scale` is told."""
+        """The clean relations, from `noisy` = clean + sigma * noise, canonical frame, metres; the
+        noise may differ per point. `sigma` is in units of `scale.deviation`."""
         middle = decode_spatial(noisy)
-        axes = palm_axes(middle)  # so that the answer turns with the hand
+        axes = palm_axes(middle)  # makes the output rotation equivariant
         turned = axes[:, None, None]
         relations, mean = noisy.turned(axes), scale.mean @ turned
         place = [(relations.points - mean[..., 0, :]) / HAND_SCALE, relations.normals]

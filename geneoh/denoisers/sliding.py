@@ -1,9 +1,9 @@
-"""Evidence of an error that lasts: at a wrong place the hand slides over the object that it holds.
+"""Density of a constant error of the hand's position, from its sliding over the object it holds.
 
-An error that is constant in the world turns in the object's frame as the object turns, so the hand
-seems to slide. The network of SpatialDiff looks at each frame by itself and cannot see this; so the
-density is written down: sliding is normal, of a deviation that is not known beforehand. Beside the
-shift of a hand the place where it holds is free, so a few frames tell nothing.
+An error that is constant in the world frame rotates in the object frame when the object turns, so
+the hand seems to slide. The network of SpatialDiff sees single frames and cannot use this, so the
+density is explicit: sliding is normally distributed with unknown standard deviation. The position
+on the object is a free parameter beside the shift, so a few frames give no evidence.
 """
 
 from dataclasses import dataclass
@@ -16,37 +16,38 @@ from geneoh.denoisers.holding import HeldPlace
 from geneoh.denoisers.spatial import wrist_noise_of
 
 SLIDING = 0.007
-"""Deviation of a hand's place in the object's frame below which hardly any hand keeps, metres."""
+"""Standard deviation of a hand's position in the object frame, metres: few hands slide less."""
 LEFT = 0.7
-"""Share of the noise of the wrist that may be left after MotionDiff: it looks like sliding."""
+"""Share of the wrist's noise that may remain after MotionDiff and looks like sliding."""
 INDEPENDENT = 0.1
-"""Frames that tell something of their own, in each frame: sliding lasts."""
+"""Independent samples per frame: sliding is correlated over time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sliding:
-    """How far each of B hands slides over what it holds: a quadratic of the shift of the hand."""
+    """Mean square sliding of each of B hands over what it holds, a quadratic form in the shift x of
+    the hand (metres, world): x' square x + 2 line' x + still."""
 
     square: Float[Tensor, "B 3 3"]
     line: Float[Tensor, "B 3"]
     still: Float[Tensor, "B 1"]
-    """Mean square of the sliding without a shift, square metres."""
+    """Mean square sliding at zero shift, m^2."""
     least: Float[Tensor, "B 1"]
-    """Mean square below which sliding tells nothing, square metres."""
+    """Expected mean square sliding of a correct hand, m^2; less sliding is no evidence."""
     count: Float[Tensor, "B 1"]
-    """Frames that tell something of their own, less one: where on the object it is held is free."""
+    """Number of independent samples, less one for the unknown position on the object."""
 
     @classmethod
     def of(cls, held: HeldPlace, track: Float[Tensor, "B 12"], own: float = 1.0) -> "Sliding":
-        """Over the part of the object that each hand holds longest.
+        """The sliding over the part of the object that each hand holds longest.
 
-        White noise on the object's poses and what MotionDiff leaves of the hand's look like
-        sliding, so they raise what tells nothing.
+        White noise on the object's poses and the hand noise that MotionDiff leaves look like
+        sliding, so they are added to `least`.
 
         Args:
-            held: where the middle of each hand is on it.
-            track: how noisy hand and object were (`track_cues`).
-            own: share of these frames that count for this hand: those of the B hands overlap.
+            held: position of the centre of each hand on this part.
+            track: noise levels of hand and object (`track_cues`).
+            own: weight of each frame, below 1 because the frames of the B windows overlap.
         """
         share = held.share
 
@@ -65,10 +66,10 @@ class Sliding:
         )
 
     def log_density(self, shifts: Float[Tensor, "B M 3"]) -> Float[Tensor, "B M"]:
-        """Logarithm of the density, up to a constant, at shifts of the whole hand, world, metres.
+        """Log density up to a constant at M shifts of the whole hand, world frame, metres.
 
-        Normal with its deviation integrated out, a Student t: a hand that slides far, as one that
-        lets go does, tells little.
+        A normal density with its standard deviation integrated out, which gives a Student t: far
+        sliding, as of a hand that lets go, is weak evidence.
         """
         size = ((shifts @ self.square + 2 * self.line[:, None]) * shifts).sum(-1) + self.still
         return -1.5 * self.count * torch.log1p(size.clamp(min=0) / self.least)

@@ -1,9 +1,9 @@
-"""SpatialDiff: where the hand is, asked at trial places (paper 3.2; our form of it).
+"""SpatialDiff: posterior of a constant shift of the hand (paper 3.2; our form of it).
 
-A tracker errs by centimetres for a whole clip along the ray of its camera, and a hand beside an
-object is a natural sight. So the hand is set at many places around its own, as if noise had been
-added, and the network says how probable its relations to the surface are at each: the logarithm of
-the density of the hand's shift, whose mean and width are those of the denoised place
+A tracker can be off by centimetres along the camera ray for a whole clip, and a hand beside an
+object looks natural in itself. So the hand is placed at many trial shifts, like noisy samples, and
+the network predicts the log density of each from the hand's relations to the surface. Mean and
+covariance of this density are the denoised position and its uncertainty
 (`geneoh.diffusion.posterior`). The paper's form is `geneoh.denoisers.relations`.
 """
 
@@ -26,33 +26,33 @@ from geneoh.representation.region import ObjectSurface
 from geneoh.sequence.keypoints import palm_axes
 
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres
-SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres
-REACH = 0.1  # shifts farther than this have no density, metres: training shows none
-PRIOR_RANGE = (0.0005, 0.06)  # of the shift's deviation before the surface is looked at, metres
-SPEED_FRAMES = 2  # speeds are taken over so many frames before and after
-SPEED_UNIT = 0.003  # unit in which the network reads speeds, metres a frame
-HANDS_AT_ONCE = 10  # hands whose trial places are judged at once: memory does not grow with them
-LEAST_CUE = 0.01  # noise below which the network cannot tell it from none, in units of `UNIT`
+SHIFT_UNIT = 0.02  # unit of shifts as network input, metres
+REACH = 0.1  # longer shifts have zero density, metres: training has none
+PRIOR_RANGE = (0.0005, 0.06)  # range of the prior's standard deviation, metres
+SPEED_FRAMES = 2  # speeds are differences over this many frames before and after
+SPEED_UNIT = 0.003  # unit of speeds as network input, metres per frame
+HANDS_AT_ONCE = 10  # batch size over hands, which bounds the memory
+LEAST_CUE = 0.01  # floor added to noise levels before the logarithm, in units of `UNIT`
 TRACK_CUES = 12  # width of `SpatialEvidence.track`
-FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place in one frame
+FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial shift in one frame
 
 
 @dataclass(frozen=True)
 class SpatialConfig(NetworkConfig):
-    """Size of the network and how much it looks at."""
+    """Size of the network and number of its input frames."""
 
     width: int = 192
-    frames: int = 10  # frames of a window that it looks at, evenly apart
+    frames: int = 10  # evenly spaced input frames of a window
 
 
 @dataclass(frozen=True)
 class SpatialEvidence(ObjectSurface):
-    """What tells the place of B hands over T frames, world frame, metres."""
+    """Evidence for the position of B hands over T frames, world frame, metres."""
 
     joints: Float[Tensor, "B T 21 3"]  # the hand after MotionDiff
-    speeds: Float[Tensor, "B T 5"]  # `relative_speeds`: an object that moves is held
-    ray: Float[Tensor, "B 3"]  # unit direction from the camera; zero where it is not known
-    track: Float[Tensor, "B 12"]  # `track_cues`: the width of the prior follows from it
+    speeds: Float[Tensor, "B T 5"]  # `relative_speeds`: a moving object is probably held
+    ray: Float[Tensor, "B 3"]  # unit direction from the camera to the hand; zero if unknown
+    track: Float[Tensor, "B 12"]  # `track_cues`, which determine the width of the prior
 
     @classmethod
     def around(
@@ -62,22 +62,23 @@ class SpatialEvidence(ObjectSurface):
         ray: Float[Tensor, "B 3"],
         track: Float[Tensor, "B 12"],
     ) -> "SpatialEvidence":
-        """The evidence of hands at an object, whose first part tells how fast they move."""
+        """The evidence of hands near an object; speeds are relative to its first part."""
         moving = {f.name: getattr(surface, f.name) for f in fields(ObjectSurface)}
         speeds = relative_speeds(joints, surface.rotation[:, :, 0], surface.translation[:, :, 0])
         return cls(**moving, joints=joints, speeds=speeds, ray=ray, track=track)
 
     @property
     def knows_ray(self) -> Float[Tensor, " B"]:
-        """1 where the direction of the camera is known, else 0."""
+        """1 where the camera ray is known, else 0."""
         return (self.ray.square().sum(-1) > 0.25).to(self.ray)
 
     def axes(self) -> Float[Tensor, "B T 3 3"]:
-        """Axes of the palm in each frame as columns, in which the network works."""
+        """Axes of the palm in each frame as columns: the frame of the network's input."""
         return palm_axes(self.joints.flatten(0, 1)[:, None]).unflatten(0, self.joints.shape[:2])
 
     def spread_over(self, frames: int, *, phase: float = 0.5) -> "SpatialEvidence":
-        """At most so many of the frames, evenly apart; `phase`, 0 to 1, is where they begin."""
+        """At most `frames` evenly spaced frames; `phase`, 0 to 1, is the offset of the first in
+        units of their spacing."""
         total = self.joints.shape[1]
         count = min(frames, total)
         return self[((torch.arange(count) + phase) * total / count).long().clamp(max=total - 1)]
@@ -88,8 +89,10 @@ def relative_speeds(
     rotation: Float[Tensor, "B T 3 3"],
     translation: Float[Tensor, "B T 3"],
 ) -> Float[Tensor, "B T 5"]:
-    """Logarithmic speeds of the object where the hand is, of its turn, of the hand over the object,
-    of the hand in the world and of keypoints around their middle, in 3 mm or 0.03 rad a frame."""
+    """log(1 + speed) of five speeds, in units of 3 mm or 0.03 rad per frame.
+
+    They are: the object at the hand's centre, the object's rotation, the hand's centre relative to
+    the object, the hand's centre in the world, and the keypoints relative to the hand's centre."""
     frames = joints.shape[1]
     time = torch.arange(frames, device=joints.device)
     before = (time - SPEED_FRAMES).clamp(min=0)
@@ -98,7 +101,7 @@ def relative_speeds(
     middle = joints.mean(2)
 
     def seen_from(place: Tensor, frame: Tensor) -> Tensor:
-        """World points in the object's frame of some other frames."""
+        """World points in the object frame at the frame indices `frame`."""
         turned = (place - translation[:, frame])[..., None, :] @ rotation[:, frame]
         return turned[..., 0, :]
 
@@ -123,10 +126,11 @@ def track_cues(
     trust: Float[Tensor, "B T"],
     object_noise: Float[Tensor, "B 2"],
 ) -> Float[Tensor, "B 12"]:
-    """How noisy the input was, which tells how far off a lasting error may be.
+    """Noise levels of the input, from which the size of a constant error is predicted.
 
-    It shows in what MotionDiff changed of the observed hand (`change`, in units of `UNIT`) and in
-    the white noise on the object's rotation (rad) and translation (m).
+    They are logarithms of the constant and the varying part of the `change` that MotionDiff made
+    (units of `UNIT`), of the jitter of the observed hand, and of the white noise on the object's
+    rotation (rad) and translation (m); then the share of frames with positive trust.
     """
     constant, varying = change.mean(1), change - change.mean(1, keepdim=True)
     parts = [slice(0, 3), slice(3, 6), slice(6, 51)]
@@ -147,32 +151,32 @@ def track_cues(
 
 
 def object_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 2"]:
-    """The noise of the object, rotation (rad) and translation (m), that `track_cues` was told."""
+    """White noise of the object's rotation (rad) and translation (m), recovered from the cues."""
     return _values_of(track[:, 9:11]) * torch.tensor([UNIT[3], UNIT[0]]).to(track)
 
 
 def wrist_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 1"]:
-    """How far MotionDiff moved the wrist, its mean left out, each axis, metres."""
+    """Standard deviation per axis of the change that MotionDiff made to the wrist, metres."""
     return _values_of(track[:, 3:4]) * UNIT[0]
 
 
 def _values_of(cues: Float[Tensor, "B D"]) -> Float[Tensor, "B D"]:
-    """What `track_cues` took the logarithm of."""
+    """Inverse of the logarithm in `track_cues`."""
     return (cues.exp() - LEAST_CUE).clamp(min=0)
 
 
 def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B 1"]:
-    """Root mean square of second differences; zero where there are fewer than three frames."""
+    """Root mean square of second differences over time; zero for fewer than three frames."""
     if values.shape[1] < 3:
         return torch.zeros_like(values[:, 0, :1])
     return values.diff(n=2, dim=1).square().mean((1, 2))[:, None].sqrt()
 
 
 class SpatialDenoiser(nn.Module):
-    """The density of a constant shift of the hand, up to a factor: a prior times what is seen."""
+    """Unnormalised log density of a constant shift of the hand: prior plus learned likelihood."""
 
     def __init__(self, config: SpatialConfig) -> None:
-        """Build the network; before training the density is its prior."""
+        """Build the network; its last layers start at zero, which leaves the prior alone."""
         super().__init__()
         self.config = config
         width = config.width
@@ -184,7 +188,8 @@ class SpatialDenoiser(nn.Module):
         nn.init.constant_(self.width[-1].get_parameter("bias"), math.log(0.015))
 
     def prior(self, evidence: SpatialEvidence) -> Float[Tensor, "B 2"]:
-        """Deviations of the shift along the ray, where it is known, and across it, metres."""
+        """Prior standard deviations of the shift along and across the camera ray, metres; both are
+        equal if the ray is unknown."""
         known = evidence.knows_ray[:, None]
         low, high = (math.log(limit) for limit in PRIOR_RANGE)
         both = self.width(torch.cat([evidence.track, known], dim=-1)).clamp(low, high).exp()
@@ -194,7 +199,7 @@ class SpatialDenoiser(nn.Module):
     def prior_root(
         self, evidence: SpatialEvidence, axes: Float[Tensor, "3 3"]
     ) -> Float[Tensor, "B 3 3"]:
-        """A square root of the prior's covariance, metres, in axes that are given as columns."""
+        """Symmetric square root of the prior's covariance, metres, in `axes` (as columns)."""
         along, across = self.prior(evidence)[..., None, None].unbind(1)
         ray = evidence.ray @ axes
         return across * torch.eye(3).to(ray) + (along - across) * ray[:, :, None] * ray[:, None]
@@ -202,7 +207,7 @@ class SpatialDenoiser(nn.Module):
     def forward(
         self, shifts: Float[Tensor, "B M 3"], evidence: SpatialEvidence
     ) -> Float[Tensor, "B M"]:
-        """Logarithm of the density at M shifts of the whole hand, world axes, metres."""
+        """Unnormalised log density at M shifts of the whole hand, world axes, metres."""
         seen = self.look(frame_features(shifts, evidence))
         pooled = torch.cat([seen.mean(1), seen.amax(1)], dim=-1)
         along = (shifts * evidence.ray[:, None]).sum(-1, keepdim=True)
@@ -226,10 +231,10 @@ class SpatialDenoiser(nn.Module):
         besides: LogDensity | None = None,
         on_step: OnStep | None = None,
     ) -> Posterior:
-        """Mean and width of the density of the shift, metres; see `importance_posterior`.
+        """Mean and covariance of the density of the shift, metres; see `importance_posterior`.
 
-        They are in `axes` (columns) that move with the scene, so that the answer does. `besides` is
-        the logarithm of one more factor of the density, of shifts in the world.
+        They are in `axes` (columns), which must rotate with the scene to make the result
+        equivariant. `besides` is an additional log density of shifts in the world frame.
         """
         seen = evidence.spread_over(self.config.frames)
 
@@ -255,7 +260,7 @@ class SpatialDenoiser(nn.Module):
 def frame_features(
     shifts: Float[Tensor, "B M 3"], evidence: SpatialEvidence
 ) -> Float[Tensor, "B T M F"]:
-    """How the hand stands to the surface at every trial place, in axes of the palm."""
+    """Relations of the shifted hand to the surface at M trial shifts, in the axes of the palm."""
     joints, axes = evidence.joints, evidence.axes()
     count = shifts.shape[1]
     placed = joints[:, :, None] + shifts[:, None, :, None]  # (B, T, M, 21, 3)

@@ -24,12 +24,12 @@ class TrajectoryConfig(NetworkConfig):
 
 class TrajectoryDenoiser(nn.Module):
     """A transformer over frames that maps noisy canonical keypoints, in units of their window
-    (`WindowScale`), to clean ones. Ours: it is told the window's deviation, without which it could
-    not know how long bones are; and like `MotionDenoiser` it mixes the noisy sample with low-pass
-    filtered ones, by frame and coordinate."""
+    (`WindowScale`), to clean ones. Ours: the window's standard deviation is an input, without which
+    bone lengths are unknown; and like `MotionDenoiser` the network mixes the noisy sample with its
+    low-pass filtered versions, by frame and coordinate."""
 
     def __init__(self, config: TrajectoryConfig) -> None:
-        """Build the network; its last layers start at zero, so it starts as the skip path."""
+        """Build the network; its last layers start at zero, which leaves the skip path alone."""
         super().__init__()
         self.config = config
         self.embed = nn.Linear(63 * VERSIONS + 1, config.width)
@@ -43,10 +43,10 @@ class TrajectoryDenoiser(nn.Module):
         sigma: Float[Tensor, " B"],
         deviation: Float[Tensor, " B"],
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints in `x` = clean + sigma * noise, in units of their window of that
-        `deviation` in metres: both have mean zero."""
+        """The clean keypoints, predicted from `x` = clean + sigma * noise. Both have mean zero and
+        are in units of their window's standard deviation, which is `deviation` metres."""
         x = centred(x)
-        axes = palm_axes(x)[:, None]  # so that the answer turns with the hand
+        axes = palm_axes(x)[:, None]  # makes the output rotation equivariant
         size = window_size(deviation, x.shape[1])
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:

@@ -15,16 +15,17 @@ from geneoh.nn.adam import adam
 
 @dataclass(frozen=True)
 class AdamFitConfig:
-    """Schedule and weights after the public code, with a third of its steps; the paper states none.
+    """Schedule and weights of the public code, with a third of its steps; the paper states none.
 
-    The weight of the keypoints is that of its second phase in both."""
+    Both phases use the keypoint weight of the public code's second phase."""
 
     rigid_steps: int = 200
     rigid_rate: float = 0.1
     steps: int = 1000
     rate: float = 0.01
     joint_weight: float = 5000.0
-    """Weight of the squared keypoint distance, 1/m^2; eq. (13) has none, and other terms win."""
+    """Weight of the squared keypoint distance, 1/m^2. Eq. (13) has no weight, and without one the
+    other terms dominate."""
     regular: float = 0.0005
     """Weight of the mean squared finger pose."""
     shape: float = 0.0002
@@ -41,9 +42,10 @@ def fit_with_adam(
     config: AdamFitConfig,
     on_step: progress.OnStep | None = None,
 ) -> tuple[HandState, Float[Tensor, "S B"]]:
-    """Hand parameters and betas by Adam from a flat hand: first orientation and position, then all.
+    """Hand parameters and betas by Adam from a flat hand: first the wrist's rotation and position,
+    then all parameters.
 
-    As in the public code all frames share one set of betas; eq. (12) has one set per frame.
+    As in the public code, all frames share one set of betas; eq. (12) has one set per frame.
     """
     samples, frames = target.shape[:2]
     orient = target.new_zeros(samples, frames, 1, 3)

@@ -15,11 +15,11 @@ from geneoh.representation.temporal import PairStatistics, encode_temporal
 PAIR_DECAY = 100.0
 """Decay of a pair's weight with its target distance, 1/m; the paper states no weights."""
 STEP_STD = 0.0015
-"""Deviation of a step of usual weight from the clean one, metres a frame."""
+"""Standard deviation of a displacement between frames at log weight 0, metres."""
 PLACE_STD = 0.008
-"""Deviation of a keypoint of usual weight from its clean place, metres."""
+"""Standard deviation of a keypoint position at log weight 0, metres."""
 AT_ONCE = 2**17
-"""Places that are solved for together: memory does not grow with the track."""
+"""Positions that are solved for in one batch, which bounds the memory."""
 
 
 def align_to_steps(
@@ -27,10 +27,12 @@ def align_to_steps(
     steps: Float[Tensor, "*B T J"],
     places: Float[Tensor, "*B T J"],
 ) -> Float[Tensor, "*B T J 3"]:
-    """Shift of each of J keypoints that changes its steps as asked and itself little, metres.
+    """Correction of J keypoints: nearly the predicted `change` of each displacement between frames,
+    with a small correction itself, metres.
 
-    The least squares are solved exactly, for each keypoint by itself. Units, frame and weights are
-    those of `geneoh.denoisers.temporal.StepCorrection`; the last frame's step is not looked at.
+    The least squares are solved exactly, independently for each keypoint. `change` and the log
+    weights `steps` and `places` are those of `geneoh.denoisers.temporal.StepCorrection`; entries
+    of the last frame in `change` and `steps` are ignored.
     """
     size = max(1, AT_ONCE * steps.shape[-1] // steps.numel())
     some = (change.split(size, -2), steps.split(size, -1), places.split(size, -1))
@@ -42,7 +44,7 @@ def _aligned_to_steps(
     steps: Float[Tensor, "*B T J"],
     places: Float[Tensor, "*B T J"],
 ) -> Float[Tensor, "*B T J 3"]:
-    # where steps are sure, and places are not, single precision would leave a tenth of the change
+    # float32 is too imprecise where step weights are large and place weights small
     hold = steps[..., :-1, :].double().exp().mT / STEP_STD**2
     stay = places.double().exp().mT / PLACE_STD**2
     pull = hold[..., None] * change[..., :-1, :, :].movedim(-2, -3)
@@ -53,17 +55,17 @@ def _aligned_to_steps(
 
 @dataclass(frozen=True)
 class AlignConfig:
-    """Settings of Adam, and the deviations that weight the statistics; the paper states none."""
+    """Adam settings and standard deviations of the relations; the paper states none."""
 
     steps: int = 100
     rate: float = 1.5e-3
     """Length of Adam's first step in metres; it decays to zero."""
     distance_std: float = 0.005
-    """Deviation of decoded distances from true ones near contact, on made clips, metres."""
+    """Standard deviation of decoded distances near contact, on synthetic clips, metres."""
     speed_std: float = 0.1
-    """The same of decoded velocities, m/s."""
+    """Standard deviation of decoded velocities near contact, on synthetic clips, m/s."""
     stay_std: float = 0.003
-    """Deviation of keypoints from the previous stage's, metres."""
+    """Standard deviation of keypoints from those of the previous stage, metres."""
 
 
 def align_to_relations(
@@ -74,9 +76,9 @@ def align_to_relations(
     *,
     config: AlignConfig,
 ) -> Float[Tensor, "B T 21 3"]:
-    """World keypoints near `joints` whose relations are near `target` on d, v_ho and both e.
+    """World keypoints near `joints` whose relations d, v_ho and both e are near `target`.
 
-    Windows are independent: the optimum of each is the same in any batch.
+    Windows are independent: the result for each is the same in any batch.
     """
     weight = torch.exp(-PAIR_DECAY * target.distance)
     share = weight / weight.sum((1, 2, 3), keepdim=True).clamp(min=1e-6)
@@ -94,8 +96,8 @@ def align_to_relations(
         stay = ((moved - start) / config.stay_std).square().sum(-1).mean((1, 2))
         return ((share * miss).sum((1, 2, 3)) + stay).sum()
 
-    # Adam takes full steps on gradients of rounding size and would shake a hand that agrees: steps
-    # shrink below the gradient of a keypoint that is half a `stay_std` from its place
+    # Adam takes full steps even on gradients of rounding size, which would add jitter at the
+    # optimum: epsilon is the gradient of a keypoint half a `stay_std` from its start
     floor = 1 / (config.stay_std * joints.shape[1] * joints.shape[2])
     (moved,) = adam(
         loss,

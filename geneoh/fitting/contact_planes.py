@@ -1,4 +1,4 @@
-"""Planes that keep the skin of a hand out of the object where it may touch it."""
+"""Contact planes: tangent planes that push hand vertices out of the object or the other hand."""
 
 from dataclasses import replace
 
@@ -14,31 +14,30 @@ from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_PARENTS
 
 LONGEST_EXIT = 0.02
-"""Longest way out of the object for a vertex, metres; no phalanx is thicker."""
+"""Greatest distance along a phalanx direction to the surface, metres; no phalanx is thicker."""
 
 
 class Nearby:
-    """The surface around a hand that moves little from query to query.
+    """Cached surface queries of a hand that moves little from query to query.
 
-    Vertices that cannot have come nearer than `reach` since they were last asked for, metres, are
-    not asked for again: they stay where they were in all that is answered. Nor are those asked for
-    exactly that are easily seen to be farther.
+    A vertex that cannot be nearer than `reach` (metres) after its motion since its last query is
+    not queried again and keeps its old answer. Distances beyond `reach` need not be exact.
     """
 
     def __init__(self, surface: MovingSurface, reach: float) -> None:
-        """No vertex is known yet."""
+        """Start with an empty cache."""
         self.surface, self.reach = replace(surface, within=reach), reach
         self._known: tuple[Tensor, SurfaceQuery] | None = None
 
     def query(self, verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:
-        """Distance, closest point and normal of each vertex; those out of reach are older."""
+        """Signed distance, closest point and normal of each vertex, cached where out of reach."""
         if self._known is None:
             found = self.surface.query(verts)
         else:
             before, found = self._known
             least = found.distance - (verts - before).norm(dim=-1)
             asked = least <= self.reach
-            # a point that is not finite is not looked for
+            # the surface skips points that are not finite
             new = self.surface.query(verts.masked_fill(~asked[..., None], torch.nan))
             found = SurfaceQuery(
                 torch.where(asked, new.distance, found.distance),
@@ -60,7 +59,7 @@ def contact_planes(
 ) -> Planes:
     """Planes that push vertices out of the object and attract fingertips that nearly touch it.
 
-    Other vertices near the object have no weight. `evidence` is that of `fit_hand`.
+    Other vertices near the object have zero weight. `evidence` weights each frame, 0 to 1.
     """
     verts = state.verts(shaped)
     bone = shaped.model.skin_weights.argmax(-1)
@@ -82,10 +81,10 @@ def contact_planes(
 def planes_apart(
     state: HandState, shaped: ShapedHand, config: FitConfig, *, other: ChangingSurface
 ) -> Planes:
-    """Planes that push vertices half the way out of the other hand, which goes the other half."""
+    """Planes that correct half of the penetration with the other hand, which corrects the rest."""
     verts = state.verts(shaped)
     bone = shaped.model.skin_weights.argmax(-1)
-    # by the nearest ways hands that mirror each other would go on together
+    # by closest points alone, hands that mirror each other would both move in the same direction
     found = way_out(verts, bone, other, other.query(verts), agreement=1.0)
     found = replace(found, closest=(found.closest + verts) / 2)
     distance, index = found.distance.topk(config.surface_verts, dim=-1, largest=False)
@@ -95,7 +94,7 @@ def planes_apart(
 def _planes(
     found: SurfaceQuery, index: Int[Tensor, "S T K"], weight: Float[Tensor, "S T K"]
 ) -> Planes:
-    """Planes at some vertices; those without a weight are left out, as far as all frames are."""
+    """Planes of the vertices `index`, without those that have zero weight in every frame."""
     weight, order = weight.sort(dim=-1, descending=True, stable=True)
     used = slice(max(1, int((weight > 0).sum(-1).max())))
     index = index.gather(-1, order[..., used])
@@ -111,11 +110,12 @@ def way_out(
     found: SurfaceQuery,
     agreement: float = 0.0,
 ) -> SurfaceQuery:
-    """Distance to the object, with one direction out of it for each phalanx.
+    """The query `found`, with closest points of deep vertices replaced where they are implausible.
 
-    The nearest side of a thin part may be the wrong one for deep vertices: those get the closest
-    point and normal in the direction of their phalanx's outside part instead, where the cosine
-    between both ways is less than `agreement`.
+    On a thin object the closest point of a deep vertex may be on the wrong side. The direction of a
+    phalanx points from the mean of its inside vertices to that of its outside vertices. Where the
+    cosine between normal and direction is less than `agreement`, the vertex gets the point where
+    the ray in this direction leaves the surface, if that is within `LONGEST_EXIT`.
     """
     parts = torch.nn.functional.one_hot(bone).to(verts).T
     counted = torch.cat([verts, torch.ones_like(verts[..., :1])], dim=-1)
@@ -124,7 +124,7 @@ def way_out(
     outside = parts @ counted - within
     middles = [sums[..., :3] / sums[..., 3:] for sums in (within, outside)]
     ahead = torch.nn.functional.normalize(middles[1] - middles[0], dim=-1)[..., bone, :]
-    # the direction of a phalanx that is wholly inside or outside is nan, which is never below 0
+    # a phalanx wholly inside or outside has a nan direction, which compares as not wrong
     wrong = (inside > 0) & ((found.normal * ahead).sum(-1) < agreement)
     if not wrong.any():
         return found

@@ -33,15 +33,15 @@ from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.windows import blocks, widened
 
 OVERLAP = 60
-"""Frames that a block of a long track is solved beyond its own on either side. Terms couple only
-neighbours, but turns that no keypoint shows are felt over some thirty frames."""
+"""Overlap of the blocks of a long track on either side, frames. Terms couple only neighbours, but
+rotations that no keypoint determines correlate over some thirty frames."""
 
 RIGID = [0, 1, *KNUCKLES]
-"""Keypoints that are rigid when the fingers bend: wrist, thumb base and the four knuckles."""
+"""Keypoints that move rigidly with the palm: wrist, thumb base and the four knuckles."""
 LEAST_TRUST = 1e-3
-"""Weight of palm keypoints without trust, so that some orientation is found without any."""
+"""Lower bound of the weight of palm keypoints: an orientation exists even if all trust is zero."""
 IMPOSSIBLE = 0.75
-"""Radians beyond its limits by which a joint is in a pose that no hand has."""
+"""A joint this far beyond its limits, in radians, has a pose that no hand can reach."""
 
 
 def start_from_keypoints(
@@ -49,9 +49,9 @@ def start_from_keypoints(
     shaped: ShapedHand,
     trust: Float[Tensor, "S T 21"] | None = None,
 ) -> HandState:
-    """Initial parameters where none are known: palm aligned to its keypoints, fingers relaxed.
+    """Initial pose parameters from keypoints alone: palm rigidly aligned, fingers relaxed.
 
-    The wrist is given, or that of the aligned palm where it has no trust.
+    The wrist is the wrist keypoint or, where that has zero trust, the wrist of the aligned palm.
     """
     trust = torch.ones_like(joints[..., 0]) if trust is None else trust
     model = shaped.model
@@ -67,10 +67,10 @@ def start_from_keypoints(
 
 
 def possible_start(start: HandState, model: HandModel) -> HandState:
-    """The same start where the joints of each frame can be; others are as in the frames around it.
+    """The start with each joint rotation far beyond its limits interpolated from other frames.
 
-    From a joint that is turned nearly once around no step leads back, because the turn of the other
-    sense is as near. One that is so in all frames of a sample is relaxed.
+    The optimiser cannot leave a rotation near 360 degrees, because the opposite sense of rotation
+    is as near. A joint that is impossible in all frames of a sample gets the relaxed pose.
     """
     pose = start.pose[..., 1:, :]
     over = torch.maximum(pose - model.pose_high[1:], model.pose_low[1:] - pose).amax(-1)
@@ -99,15 +99,16 @@ def fit_hand(
     other: ChangingSurface | None = None,
     on_step: OnStep | None = None,
 ) -> HandState:
-    """Hand parameters that follow target keypoints of the world and stay out of the object.
+    """Hand parameters that follow target keypoints (world frame) and stay out of the object.
 
     Levenberg-Marquardt on all frames at once, which a steadiness term couples: each step solves one
     block tridiagonal system per sample. Long tracks are solved in overlapping blocks. Source: paper
-    A.3 for what is fitted; the solver, the temporal, limit and surface terms are ours.
+    A.3 for the parameters and the keypoint term; the solver, the temporal, limit and surface terms
+    are ours.
 
-    `trust` is the weight of each keypoint, 0 to 1; one without is determined by the other terms.
-    `evidence` is how much the object counts in each frame, 0 to 1; fully without it. `other` is the
-    skin of the other hand, out of which this one goes half the way.
+    `trust` is the weight of each keypoint, 0 to 1; keypoints of zero trust follow from the other
+    terms. `evidence` weights the object's surface term per frame, 0 to 1 (None: 1). `other` is the
+    surface of the other hand; this hand corrects half of the penetration.
     """
     frames, found = target.shape[1], []
     start = possible_start(start, shaped.model)
@@ -166,13 +167,13 @@ def fit_keypoints(
     shaped: ShapedHand,
     start: HandState | None = None,
 ) -> HandState:
-    """The hand of an uncleaned track, from its own parameters or none; see `fit_hand`."""
+    """Hand parameters of an uncleaned track; `start` is initialised from the keypoints if None."""
     start = start or start_from_keypoints(target, shaped, trust)
     return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)
 
 
 def steadiness_weight(config: FitConfig) -> Float[Tensor, " 51"]:
-    """Weight of each unknown's change between neighbouring frames."""
+    """Weight of the change of each of the 51 unknowns between neighbouring frames."""
     weight = torch.zeros(UNKNOWNS)
     weight[:3], weight[3:48] = config.steady_wrist, config.steady_finger
     return weight
@@ -185,7 +186,8 @@ def _step(
     weight: Float[Tensor, " 51"],
     damping: Float[Tensor, "S 1"],
 ) -> tuple[HandState, Equations, Float[Tensor, "S 1"]]:
-    """One damped step per sample, kept where it lowers the energy; then the damping falls."""
+    """One Levenberg-Marquardt step per sample. It is accepted, and the damping lowered, where the
+    energy falls; otherwise the damping rises."""
     steady, pull = steadiness(state, weight)
     before = (here.energy + steady).sum(-1, keepdim=True)
     scale = here.matrix.diagonal(dim1=-2, dim2=-1).mean((-1, -2))[:, None, None]

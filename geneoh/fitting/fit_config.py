@@ -5,33 +5,37 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FitConfig:
-    """Numbers of steps, and the deviations and weights of the energy terms."""
+    """Numbers of steps, and the standard deviations and weights of the energy terms."""
 
     iterations: int = 4
     """Steps on keypoints alone."""
     contact_rounds: int = 4
-    """Rounds of two steps with the surface; each round queries the distances anew."""
+    """Rounds of two steps with the surface terms; each round queries the distances again."""
     joint_std: float = 0.003
-    """Deviation of fitted keypoints from trusted targets, metres."""
+    """Standard deviation of fitted keypoints from targets of full trust, metres."""
     prior: float = 0.1
-    """Weight of the relaxed pose, relative to one deviation of a keypoint."""
+    """Weight of the pose prior: of a residual of one `pose_std` against a keypoint residual of one
+    `joint_std`."""
     limit: float = 20.0
     """Weight of overshooting a joint limit, 1/rad."""
     steady_finger: float = 16.0
-    """Weight of a finger joint's change between frames, 1/rad."""
+    """Weight of a finger joint's rotation between neighbouring frames, 1/rad."""
     steady_wrist: float = 4.0
-    """Weight of the wrist's rotation between frames, 1/rad; its position has no such weight."""
+    """Weight of the wrist's rotation between neighbouring frames, 1/rad; its translation has
+    none."""
     depth_std: float = 0.0015
-    """Penetration that counts as much as a keypoint error of `joint_std`, metres: flesh is soft,
+    """Standard deviation of the penetration depth, metres. It is not smaller because flesh is soft,
     and recorded hands penetrate by millimetres."""
     apart_std: float = 0.0005
-    """The same for depth in the other hand, of which each hand sees its half."""
+    """Standard deviation of half the penetration depth in the other hand, metres: each hand
+    corrects one half."""
     touch: float = 0.003
     """Fingertips closer than this to the surface are attracted to it, metres."""
     touch_std: float = 0.002
+    """Standard deviation of the distance of an attracted fingertip, metres."""
     surface_verts: int = 96
-    """Vertices per frame, nearest to or deepest in the object, that are considered."""
+    """Vertices per frame that have surface terms: those of least signed distance."""
 
 
 KEYPOINTS_ALONE = FitConfig(iterations=8, steady_finger=0.2, steady_wrist=0.0)
-"""Settings for the mesh of an uncleaned track: close to its keypoints, jitter included."""
+"""Settings that fit an uncleaned track closely, jitter included."""

@@ -1,8 +1,8 @@
-"""The skeleton that keypoints have, seen from a hand model that was fitted to them.
+"""The tracker's own rest skeleton, estimated from keypoints and a hand model fitted to them.
 
-Trackers place joints each in their own way: the base of the thumb is 16 mm from the wrist in one
-and 53 mm in another, and no shape of a hand model reaches both. What a fitted hand misses in the
-same way in all frames, in the frames of its own bones, is no error but the tracker's skeleton.
+Trackers define joints differently: the base of the thumb is 16 mm from the wrist in one and 53 mm
+in another, and no shape of a hand model reaches both. A residual of the fitted hand that is
+constant over all frames in the local frame of a bone belongs to the tracker's skeleton.
 """
 
 from dataclasses import dataclass, replace
@@ -15,23 +15,23 @@ from geneoh.fitting.terms import HandState
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import bones_at_rest, forward_kinematics, trust_of_bones
 
-ALIKE = 10.0  # frames for which errors of a tracker stay alike: they tell no more than one
+ALIKE = 10.0  # correlation time of tracker errors, frames: so many frames count as one sample
 
 
 @dataclass(frozen=True)
 class OwnSkeleton:
-    """Where the keypoints of a track are on the hand that was fitted to it."""
+    """A tracker's rest skeleton, relative to the hand that was fitted to its keypoints."""
 
-    offsets: Float[Tensor, "20 3"]  # its rest offsets, metres
-    wrist: Float[Tensor, " 3"]  # its wrist from that of the hand, in the frame of the wrist, metres
+    offsets: Float[Tensor, "20 3"]  # rest offsets of this skeleton, metres
+    wrist: Float[Tensor, " 3"]  # offset from the fitted wrist to this one, local frame, metres
 
     def carried(self, state: HandState) -> HandState:
-        """The fitted parameters with the place of this skeleton's wrist."""
+        """The fitted parameters with the wrist position of this skeleton."""
         moved = (state.rotations[..., 0, :, :] @ self.wrist[:, None])[..., 0]
         return replace(state, wrist=state.wrist + moved)
 
     def posed(self, state: HandState) -> Float[Tensor, "S T 21 3"]:
-        """Keypoints of this skeleton on a fitted hand, metres, in its frame."""
+        """Keypoints of this skeleton in the pose of a fitted hand, metres, frame of `state`."""
         state = self.carried(state)
         return forward_kinematics(state.rotations, state.wrist, self.offsets)[0]
 
@@ -42,10 +42,10 @@ def own_skeleton(
     trust: Float[Tensor, "T 21"],
     shaped: ShapedHand,
 ) -> OwnSkeleton:
-    """The skeleton of keypoints by a hand of one sample that was fitted to them.
+    """The skeleton of keypoints, from the one-sample hand `state` that was fitted to them.
 
-    Each bone is the mean over frames as far as it differs from the model's by more than its scatter
-    explains; a single frame has the model's.
+    Each rest offset is the model's plus the mean residual over frames, shrunk by the share that
+    scatter between frames explains. A single frame keeps the model's skeleton.
     """
     seen = trust.amax(-1) > 0
     turn, sure = state.rotations[0][seen], trust[seen].to(joints)
@@ -62,7 +62,7 @@ def own_skeleton(
 def _lasting(
     missed: Float[Tensor, "T N 3"], weight: Float[Tensor, "T N 1"]
 ) -> Float[Tensor, "N 3"]:
-    """Weighted mean over frames, times the share of its square that chance does not explain."""
+    """Weighted mean over frames, shrunk by the share of its square that sampling error explains."""
     count = weight.sum(0)
     mean = (weight * missed).sum(0) / count
     spread = (weight * (missed - mean).square()).sum(0) / (count - 1).clamp(min=1e-6)

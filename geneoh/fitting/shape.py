@@ -1,4 +1,4 @@
-"""The betas of a sequence's hand, from its rest skeleton or from its bone lengths."""
+"""Hand shape (betas) of a sequence, from the rest skeleton or from bone lengths."""
 
 import torch
 from jaxtyping import Float
@@ -7,13 +7,13 @@ from torch import Tensor
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import OPENPOSE_FROM_MANO
 
-OFFSET_STD = 0.0005  # deviation of a rest offset known from pose and joints together, metres
-BONE_STD = 0.002  # deviation of a bone's length that is known from noisy joints, metres
+OFFSET_STD = 0.0005  # standard deviation of a rest offset from pose and joints, metres
+BONE_STD = 0.002  # standard deviation of a bone length from noisy joints alone, metres
 GAUSS_NEWTON_STEPS = 8
 
 
 def _skeleton_basis(model: HandModel) -> tuple[Float[Tensor, "20 3"], Float[Tensor, "20 3 S"]]:
-    """Rest offsets at zero betas and their change per unit of each beta; they are linear in it."""
+    """Rest offsets at zero betas and their derivative in each beta; they are linear in betas."""
     count = model.shape_dirs.shape[-1]
     mean = model.shaped(model.template.new_zeros(count)).offsets
     each = model.shaped(torch.eye(count).to(model.template)).offsets
@@ -30,9 +30,9 @@ def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Floa
 
 
 def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float[Tensor, " S"]:
-    """Betas whose bones have nearly the given `bone_lengths`, NaN for none, under a standard normal
-    prior. By Gauss-Newton: lengths are almost linear in the betas, so a few steps reach the
-    optimum."""
+    """Betas that best reach the given `bone_lengths` (NaN: unknown) under a standard normal prior.
+
+    Gauss-Newton: lengths are almost linear in the betas, so a few steps reach the optimum."""
     mean, basis = _skeleton_basis(model)
     # the bone in row m - 1 of the rest offsets ends in joint or tip m
     order = [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]

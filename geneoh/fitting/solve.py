@@ -1,4 +1,4 @@
-"""The linear algebra of the fits: symmetric systems that couple each frame to its neighbours."""
+"""Solvers for the fits: symmetric block tridiagonal systems that couple neighbouring frames."""
 
 import numpy as np
 import torch
@@ -10,9 +10,10 @@ from torch import Tensor
 def solve_coupled_frames(
     matrix: Float[Tensor, "S T U U"], right: Float[Tensor, "S T U"], coupling: Float[Tensor, " U"]
 ) -> Float[Tensor, "S T U"]:
-    """Solve M x = right, positive definite, with the diagonal blocks `matrix`, to which the
-    `coupling` (>= 0) is added once per neighbour, and -diag(coupling) between neighbouring
-    frames."""
+    """Solve M x = right for positive definite, block tridiagonal M.
+
+    The diagonal blocks of M are `matrix` plus diag(coupling) once per neighbouring frame; the
+    blocks beside them are -diag(coupling), with `coupling` >= 0."""
     frames, size = right.shape[1:]
     springs = coupling.expand(frames, size).clone()
     springs[1:-1] *= 2
@@ -28,8 +29,9 @@ def solve_coupled_frames(
 def solve_as_band(
     diagonal: Float[Tensor, "S T U U"], coupling: Float[Tensor, " U"], right: Float[Tensor, "S T U"]
 ) -> Float[Tensor, "S T U"]:
-    """Solve M x = right on the CPU, where M has the blocks -diag(coupling) beside its diagonal:
-    LAPACK's banded Cholesky factor takes a third of the time of one factor per frame."""
+    """Solve M x = right on the CPU, where M has the blocks -diag(coupling) beside its diagonal.
+
+    LAPACK's banded Cholesky solver takes a third of the time of one factorisation per frame."""
     frames, size = right.shape[1:]
     blocks = diagonal.cpu().numpy()
     band = np.zeros((len(blocks), size + 1, frames, size), blocks.dtype)
@@ -49,19 +51,19 @@ def solve_by_halves(
     beside: Float[Tensor, "S T-1 U U"],
     right: Float[Tensor, "S T U"],
 ) -> Float[Tensor, "S T U"]:
-    """Solve M x = right on the device of the tensors; fast on a GPU, which works on many frames at
-    once.
+    """Solve M x = right on the device of the tensors; fast on a GPU, which eliminates many frames
+    at once.
 
-    M is positive definite; its rows of frame t+1 hold `beside[t]` in the columns of frame t. Every
-    second frame is eliminated, and the system of the others is of the same form (cyclic reduction;
+    M is positive definite and block tridiagonal; `beside[t]` is the block in row t+1, column t.
+    Every second frame is eliminated, which leaves a system of the same form (cyclic reduction;
     Golub and Van Loan, Matrix Computations, 3rd edition, 4.5.4).
     """
     odd, size = right.shape[1] // 2, right.shape[2]
     factor = torch.linalg.cholesky_ex(diagonal[:, 1::2] if odd else diagonal)[0]
     if not odd:
         return torch.cholesky_solve(right[..., None], factor)[..., 0]
-    left, ahead = beside[:, ::2], beside[:, 1::2]  # couplings of odd frames to those around
-    inner = ahead.shape[1]  # odd frames that have one behind
+    left, ahead = beside[:, ::2], beside[:, 1::2]  # coupling of odd frames to frames t-1 and t+1
+    inner = ahead.shape[1]  # number of odd frames with a following frame
     behind = torch.nn.functional.pad(ahead.mT, (0, 0, 0, 0, 0, odd - inner))
     columns = torch.cat([left, behind, right[:, 1::2, :, None]], dim=-1)
     to_left, to_ahead, alone = torch.cholesky_solve(columns, factor).split((size, size, 1), dim=-1)
@@ -81,15 +83,14 @@ def solve_by_halves(
 def solve_chains(
     diagonal: Float[Tensor, "*B T"], beside: Float[Tensor, "*B T-1"], right: Float[Tensor, "*B T D"]
 ) -> Float[Tensor, "*B T D"]:
-    """Solve M x = right for symmetric tridiagonal M that are diagonally dominant, on any device.
+    """Solve M x = right for symmetric, diagonally dominant tridiagonal M, on any device.
 
-    `beside` is beside the diagonal. Each row is freed of its neighbours at once, then of those two,
-    four, ... frames away (parallel cyclic reduction; Hockney and Jesshope, Parallel Computers 2,
-    5.4.2). It can be differentiated.
+    `beside` is the off-diagonal. All rows eliminate their neighbours at distance 1, then 2, 4, ...
+    (parallel cyclic reduction; Hockney and Jesshope, Parallel Computers 2, 5.4.2). Differentiable.
     """
 
     def at(values: Tensor, step: int, filled: float) -> Tensor:
-        """The values `step` frames later; `filled` where there are none."""
+        """Values shifted by `step` frames; `filled` beyond the ends."""
         step = max(-frames, min(frames, step))
         kept = values[..., step:] if step > 0 else values[..., : frames + step]
         ends = (0, step) if step > 0 else (-step, 0)

@@ -1,4 +1,4 @@
-"""What the stages know of a hand: its shape, its keypoints, and parameters to start from."""
+"""The hand track that the stages work on: hand shape, keypoints and initial pose parameters."""
 
 from dataclasses import dataclass, replace
 
@@ -17,56 +17,57 @@ from geneoh.hand.skeleton import KEYPOINT_PARENTS, bone_lengths, forward_kinemat
 from geneoh.sequence.gaps import Carrier, blendable
 from geneoh.sequence.sequence import HandTrack
 
-POSE_MISFIT = 0.015  # mean metres between given joints and those of the pose up to which it is used
-NORMAL_SPREAD = 1.4826  # deviation of normal numbers in units of their median size
+POSE_MISFIT = 0.015  # greatest mean distance of input joints to the posed hand's, metres
+NORMAL_SPREAD = 1.4826  # standard deviation of a normal distribution / its median absolute value
 
 
 @dataclass(frozen=True)
 class Subject(Bundle):
-    """A right-hand track with gaps filled and one hand shape, as the stages take it."""
+    """A right-hand track with filled gaps and one hand shape: the input of the stages."""
 
     shaped: ShapedHand
     betas: Float[Tensor, " S"]
-    offsets: Float[Tensor, "1 20 3"]  # own skeleton: exact with pose and joints, else of `shaped`
+    offsets: Float[Tensor, "1 20 3"]  # rest skeleton: from pose and joints, else that of `shaped`
     joints: Float[Tensor, "T 21 3"]
     trust: Float[Tensor, "T 21"]  # `HandTrack.trust`: 0 in frames that were filled
-    start: HandState | None  # parameters of the input, one sample; None where it has no usable ones
-    notes: tuple[str, ...]  # what had to be assumed, in words
+    start: HandState | None  # input pose parameters, one sample; None if missing or unusable
+    notes: tuple[str, ...]  # assumptions that were made, as sentences for the user
 
     def parameters(self) -> HandState:
-        """Parameters of the input, one sample; fitted to its keypoints where it has none."""
+        """Pose parameters of the input, one sample; fitted to the keypoints if it has none."""
         if self.start is not None:
             return self.start
         return fit_keypoints(self.joints[None], self.fit_trust[None], self.shaped)
 
     @property
     def fit_trust(self) -> Float[Tensor, "T 21"]:
-        """Weight of each keypoint in a fit of the track: filled frames count, so that their hand is
-        that of the interpolated keypoints instead of a relaxed one."""
+        """Weight of each keypoint in a fit of the track. Filled frames have weight 1, so that their
+        hand follows the interpolated keypoints instead of relaxing."""
         return torch.where(self.trust.amax(-1, keepdim=True) > 0, self.trust, 1.0)
 
     def in_own_skeleton(self, given: HandState) -> tuple["Subject", HandState]:
-        """The subject with the skeleton of its keypoints where they came without a pose, and its
-        `parameters` with the wrist of that skeleton."""
+        """The subject and its `parameters`, both changed to the tracker's own skeleton if the
+        keypoints came without a pose; see `own_skeleton`."""
         if self.start is not None:
             return self, given
         own = own_skeleton(given, self.joints, self.trust, self.shaped)
         return replace(self, offsets=own.offsets[None]), own.carried(given)
 
     def completed(self, given: HandState) -> "Subject":
-        """The subject whose keypoints without confidence are those of `parameters`; frames that
-        were filled stay as they are."""
+        """The subject with keypoints of zero trust replaced by those of the posed hand; filled
+        frames stay as they are."""
         useless = (self.trust == 0) & (self.trust.amax(-1, keepdim=True) > 0)
         made, _ = forward_kinematics(given.rotations[0], given.wrist[0], self.offsets)
         return replace(self, joints=torch.where(useless[..., None], made, self.joints))
 
 
 def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = None) -> Subject:
-    """Shape, keypoints and start of a right-hand track, on its device; joints decide over the pose.
+    """Shape, keypoints and initial pose of a right-hand track, on its device.
 
-    Frames without any confidence are gaps, through which a carrier may carry the hand. Betas of
-    `model` are used as they are; else the shape is fitted to the rest skeleton (pose and joints) or
-    to bone lengths (joints), or it is the mean hand (pose), which is noted.
+    Joints take precedence where joints and pose disagree. Frames of zero trust are gaps; with a
+    `carrier`, the hand moves with the object through them. Betas of `model` are used unchanged.
+    Otherwise the shape is fitted to the rest skeleton (pose and joints) or to bone lengths (joints
+    alone), or is the mean hand (pose alone), with a note.
     """
     notes: list[str] = []
     skeleton: Float[Tensor, "20 3"] | None = None
@@ -116,8 +117,8 @@ def _posed(
     trust: Float[Tensor, "T 21"],
     skeleton: Float[Tensor, "20 3"],
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a pose with a skeleton at the given wrist or, where that is not trusted, where
-    the trusted keypoints have the hand."""
+    """Keypoints of a posed skeleton, placed by the wrist or, where the wrist has zero trust, by
+    the trust-weighted mean offset of the other keypoints."""
     made, _ = forward_kinematics(rotations, joints[:, 0], skeleton.expand(len(joints), 20, 3))
     share = trust / trust.sum(-1, keepdim=True).clamp(min=1e-6)
     off = (share[..., None] * (joints - made)).sum(1)
@@ -125,10 +126,10 @@ def _posed(
 
 
 def _lengths(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> Float[Tensor, " 20"]:
-    """`bone_lengths` over the frames in which both ends are trusted, metres; NaN where none is.
+    """Median `bone_lengths` over frames in which both ends are trusted, metres; NaN without any.
 
-    Noise of deviation s across a bone of length b lengthens it by s^2 / b in the median; along it
-    the same noise shows as the deviation of the length.
+    The median is corrected for noise: noise of standard deviation s across a bone of length b
+    lengthens it by s^2 / b, and s is the standard deviation of the measured length.
     """
     ends = (trust[:, 1:] > 0) & (trust[:, list(KEYPOINT_PARENTS[1:])] > 0)
     lengths = bone_lengths(joints).masked_fill(~ends, torch.nan)

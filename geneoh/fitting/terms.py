@@ -54,7 +54,7 @@ class Equations:
     matrix: Float[Tensor, "S T 51 51"]
 
     def __add__(self, other: "Equations") -> "Equations":
-        """The equations of the sum of both terms."""
+        """Normal equations of the sum of two energy terms."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Equations(*(mine + theirs for mine, theirs in pairs))
 
@@ -70,7 +70,7 @@ def _normal_equations(
 
 
 def _below() -> Float[Tensor, "16 16"]:
-    """1 at (a, j) where joint j is joint a or hangs below it."""
+    """Matrix with 1 at (a, j) where joint j is joint a or a descendant of it."""
     table = torch.eye(16, dtype=torch.float32)
     for joint in range(1, 16):
         parent = PARENTS[joint]
@@ -93,7 +93,7 @@ def keypoint_term(
     target: Float[Tensor, "S T 21 3"],
     weight: Float[Tensor, "S T 21"],
 ) -> Equations:
-    """Squared distance to target keypoints; `weight` is 1 / deviation in 1/m."""
+    """Squared distance to target keypoints; `weight` is 1 / standard deviation, 1/m."""
     joints, turn, centers = _kinematics(state, shaped)
     mano = joints[..., list(MANO_FROM_OPENPOSE), :]
     moved, by = MOVES_KEYPOINT.to(mano.device).unbind(1)
@@ -123,8 +123,8 @@ def _kinematics(
 
 
 def pose_term(state: HandState, model: HandModel, prior: float, limit: float) -> Equations:
-    """Distance to a relaxed hand in its own deviations, and overshoot of the joint limits, with the
-    weights `prior`, in these deviations, and `limit`, 1/rad."""
+    """Pose prior and joint limits: deviation from the relaxed pose in units of `pose_std`, times
+    `prior`, and overshoot of the joint limits in radians, times `limit` (1/rad)."""
     pose = state.pose[..., 1:, :]
     toward = (pose - model.pose_mean[1:]) / model.pose_std[1:] * prior
     over = (pose - model.pose_high[1:]).clamp(min=0) + (pose - model.pose_low[1:]).clamp(max=0)
@@ -141,17 +141,17 @@ def pose_term(state: HandState, model: HandModel, prior: float, limit: float) ->
 
 @dataclass(frozen=True)
 class Planes:
-    """Tangent planes of the object that some vertices should reach, per sample and frame."""
+    """Tangent planes that K hand vertices per sample and frame should lie on, world frame."""
 
     verts: Int[Tensor, "S T K"]  # indices of the vertices
-    closest: Float[Tensor, "S T K 3"]  # a point of the plane, world; `normal` is its unit normal
-    normal: Float[Tensor, "S T K 3"]
-    weight: Float[Tensor, "S T K"]  # 1 / deviation in 1/m; 0 ignores a vertex
+    closest: Float[Tensor, "S T K 3"]  # a point of each plane
+    normal: Float[Tensor, "S T K 3"]  # unit normal of each plane
+    weight: Float[Tensor, "S T K"]  # 1 / standard deviation, 1/m; 0 ignores a vertex
 
 
 def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
-    """Signed height of the chosen vertices over their planes, which should be zero. The derivative
-    neglects how the pose correctives, about a millimetre, change with the pose."""
+    """Signed height of the vertices over their planes, with target zero. The Jacobian neglects the
+    derivative of the pose correctives, which are about a millimetre."""
     verts, normal = planes.verts, planes.normal
     _, turn, centers = _kinematics(state, shaped)
     model = shaped.model
@@ -175,8 +175,8 @@ def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equati
 def steadiness(
     state: HandState, weight: Float[Tensor, " 51"]
 ) -> tuple[Float[Tensor, "S T"], Float[Tensor, "S T 51"]]:
-    """Energy and half gradient of each unknown's change between neighbouring frames, for a rotation
-    the axis-angle of R_t^T R_{t+1}; the solver adds this term's matrix."""
+    """Energy and half gradient of the change between neighbouring frames; for rotations, of the
+    axis-angle of R_t^T R_{t+1}. `solve_coupled_frames` adds the matrix of this term."""
     rotations, wrist = state.rotations, state.wrist
     change = matrix_to_axis_angle(rotations[:, :-1].transpose(-1, -2) @ rotations[:, 1:])
     change = torch.cat([change.flatten(-2), wrist.diff(dim=1)], dim=-1)

@@ -1,8 +1,8 @@
-"""Finger poses that are turned about their bones: natural ones with the same keypoints.
+"""Remove twist about the finger bones from poses, with unchanged keypoints.
 
-A joint that is turned about the bone that it carries, and a next joint that is turned back, leave
-every keypoint where it is. Optimisers that fit MANO to keypoints without a prior of poses end
-somewhere among these poses; the networks have learned with those of real hands.
+Rotating a joint about its own bone and the next joint back leaves all keypoints where they are.
+Optimisers that fit MANO to keypoints without a pose prior end at an arbitrary twist, whereas the
+networks are trained on poses of real hands.
 """
 
 import math
@@ -19,21 +19,21 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel
 
 BONES = ((1, 2, 15), (4, 5, 16), (7, 8, 17), (10, 11, 18), (13, 14, 19))
-"""Rest offset that each joint of each finger carries; the last ones end in the fingertips."""
-STEP = math.radians(15)  # between the twists that are tried
-FEWEST = 15  # frames in which errors of a tracker can be told from what lasts
-LOOKED_AT = 16  # frames, evenly spaced, that tell whether a track is twisted
-LASTING = 10.0  # deviation of the Gaussian over time that leaves of a pose what lasts, frames
-NATURAL = 1.3  # deviation of natural poses in units of the model's `pose_std`
-OFFSET = 0.25  # deviation of the lasting errors that trackers make, radians per component
+"""Row of the rest offsets of the bone after each joint of each finger; the last end in the tips."""
+STEP = math.radians(15)  # step of the grid of twists
+FEWEST = 15  # frames that are needed to distinguish a constant twist from tracker noise
+LOOKED_AT = 16  # evenly spaced frames from which a twist is detected
+LASTING = 10.0  # standard deviation of the temporal Gaussian that removes noise, frames
+NATURAL = 1.3  # standard deviation of natural poses in units of the model's `pose_std`
+OFFSET = 0.25  # standard deviation of a tracker's constant pose error, radians per component
 SURE = 27.0
-"""Logarithm of how much more probable twists must make a pose than lasting errors do."""
+"""Least log likelihood ratio, twist against constant tracker error, at which twist is removed."""
 REFINED = 10.0
-"""More than `refined` adds to that: the search on the grid alone rules most poses out."""
+"""Upper bound of what `refined` adds to this ratio: the grid search alone rules most poses out."""
 CONSTANT, SLOW = 1000.0, 20.0
-"""Weights of a twist's change between frames, 1/rad: it hardly changes, or slowly."""
-ITERATIONS = 8  # after which twists hardly change
-SLIGHT = 1e-3  # radians over which residuals are differentiated
+"""Weights of a twist's change between frames, 1/rad: for a constant and for a slow twist."""
+ITERATIONS = 8  # Levenberg-Marquardt has converged by then
+SLIGHT = 1e-3  # step of the finite differences, radians
 TOLD = (
     "the fingers are turned about their bones as those of no hand: natural poses with the same "
     "keypoints are used instead"
@@ -41,10 +41,10 @@ TOLD = (
 
 
 def untwisted(subject: Subject) -> Subject:
-    """The subject, its poses turned back where they are twisted about the bones, with a note.
+    """The subject with the twist about the bones removed from its pose, and a note that says so.
 
-    Keypoints stay where they are. A subject stays as it is if its poses are not twisted, it has
-    none, or too few frames to tell.
+    Keypoints do not move. The subject is unchanged if its pose is not twisted, if it has no pose,
+    or if it has fewer than `FEWEST` frames.
     """
     if subject.start is None or len(subject.joints) < FEWEST:
         return subject
@@ -69,10 +69,10 @@ def turned_about_bones(
     offsets: Float[Tensor, "20 3"],
     twist: Float[Tensor, "5 T 3"],
 ) -> Float[Tensor, "T 16 3 3"]:
-    """Local rotations of a hand, each joint of each finger turned about the bone that it carries.
+    """Local rotations of a hand with each finger joint twisted about its own bone.
 
-    The next joint is turned back, so that keypoints stay. `offsets` are the skeleton's, `twist` is
-    in radians.
+    The next joint is rotated back, so that keypoints do not move. `offsets` are the rest offsets,
+    `twist` is in radians.
     """
     fingers = turned(fingers_of(rotations), bones_of(offsets), twist)
     return torch.cat([rotations[:, :1], fingers.transpose(0, 1).flatten(1, 2)], dim=1)
@@ -84,12 +84,12 @@ def fingers_of(rotations: Float[Tensor, "T 16 3 3"]) -> Float[Tensor, "5 T 3 3 3
 
 
 def bones_of(offsets: Float[Tensor, "20 3"]) -> Float[Tensor, "5 3 3"]:
-    """Direction of the bone that each joint of each finger carries, in the rest frame."""
+    """Unit direction of the bone after each joint of each finger, in the rest frame."""
     return normalize(offsets[torch.tensor(BONES)], dim=-1)
 
 
 def lasting(fingers: Float[Tensor, "5 T 3 3 3"], count: int) -> Float[Tensor, "5 N 3 3 3"]:
-    """Rotations of a few frames, evenly spaced, each the mean of those around it."""
+    """Rotations at `count` evenly spaced frames, each a Gaussian mean over neighbouring frames."""
     time = torch.arange(fingers.shape[1]).to(fingers)
     middle = torch.linspace(0, fingers.shape[1] - 1, count).to(fingers)
     weight = torch.softmax(-0.5 * ((middle[:, None] - time) / LASTING).square(), dim=-1)
@@ -111,8 +111,8 @@ def turned(
 def unlikeness(
     rotations: Float[Tensor, "5 *B J 3 3"], model: HandModel, first: int = 0
 ) -> Float[Tensor, "5 *B J 3"]:
-    """How far poses of J joints of each finger, from the `first` on, are from the relaxed one, in
-    its own deviations."""
+    """Deviation of axis-angle poses from the relaxed pose, in units of `pose_std`, for the J joints
+    of each finger that start at joint `first`."""
     shape, last = (5, *[1] * (rotations.ndim - 4), 3, 3), first + rotations.shape[-3]
     mean, std = (values[1:].reshape(shape) for values in (model.pose_mean, model.pose_std))
     return (matrix_to_axis_angle(rotations) - mean[..., first:last, :]) / std[..., first:last, :]
@@ -121,15 +121,15 @@ def unlikeness(
 def likeliest(
     fingers: Float[Tensor, "5 T 3 3 3"], bones: Float[Tensor, "5 3 3"], model: HandModel
 ) -> Float[Tensor, "5 3"]:
-    """Constant turns, of all on a grid, after which the poses are nearest to the relaxed one.
+    """Constant twists on a grid after which the poses are nearest to the relaxed pose.
 
-    A joint's pose depends on its own turn and that of the joint before, so the best turns are found
-    joint by joint from the last on (dynamic programming).
+    A joint's pose depends on its own twist and that of the joint before, so the best twists are
+    found from the last joint backwards (dynamic programming).
     """
     grid = torch.arange(-math.pi, math.pi - STEP / 2, STEP).to(fingers)
     turn = axis_angle_to_matrix(grid[:, None, None, None] * bones).transpose(0, 1)
     cost, best = fingers.new_zeros(5, len(grid)), []
-    for joint in (2, 1, 0):  # tables over the turns of the joint before, its own, and frames
+    for joint in (2, 1, 0):  # tables over the previous joint's twist, its own twist, and frames
         moved = fingers[:, None, None, :, joint] @ turn[:, None, :, None, joint]
         if joint:
             moved = turn[:, :, None, None, joint - 1].mT @ moved
@@ -150,9 +150,9 @@ def refined(
     twist: Float[Tensor, "5 T 3"],
     steady: float,
 ) -> Float[Tensor, "5 T 3"]:
-    """Turns with the least squared `unlikeness` and change between frames, of weight `steady`.
+    """Twists of least squared `unlikeness` plus squared change between frames (weight `steady`).
 
-    Levenberg-Marquardt from `twist` on, for each finger by itself.
+    Levenberg-Marquardt from the initial `twist`, independently for each finger.
     """
 
     def residual(of: Tensor, at: Tensor) -> Tensor:
@@ -164,7 +164,7 @@ def refined(
     eye, damping = torch.eye(3).to(twist), twist.new_full((5, 1, 1, 1), 1e-2)
     coupling = twist.new_full((3,), steady**2)
     slight = SLIGHT * torch.cat([torch.zeros_like(eye[:1]), eye])
-    copies = fingers.repeat(1, len(slight), 1, 1, 1)  # one call for all is much faster
+    copies = fingers.repeat(1, len(slight), 1, 1, 1)  # one call for all differences is faster
     for _ in range(ITERATIONS):
         each = (twist[:, None] + slight[:, None]).flatten(1, 2)
         here, *ahead = residual(copies, each).chunk(len(slight), dim=1)
@@ -190,8 +190,8 @@ def _pull(twist: Float[Tensor, "5 T 3"], steady: float) -> Float[Tensor, "5 T 3"
 def sureness(
     given: Float[Tensor, "5 T 3 3 3"], natural: Float[Tensor, "5 T 3 3 3"], model: HandModel
 ) -> float:
-    """Logarithm of how much more probable a pose is as a twisted natural one than as a natural one
-    with a lasting error of each component, by medians over frames."""
+    """Log likelihood ratio of two explanations of the `given` pose, by medians over frames: a
+    twisted natural pose, against a natural pose with a constant error of each component."""
     std = model.pose_std[1:].reshape(5, 3, 3)
     usual, wide = (NATURAL * std).square(), (NATURAL * std).square() + OFFSET**2
 

@@ -1,5 +1,5 @@
-"""The part of an object that a hand holds: what the hand is seen from, and what carries it through
-the frames in which it is not seen."""
+"""The object part that a hand holds: the stages use its frame, and it moves the hand through gaps
+of the hand's track."""
 
 import torch
 from jaxtyping import Bool, Float
@@ -13,19 +13,19 @@ from geneoh.sequence.gaps import Carrier, filled_keypoints
 from geneoh.sequence.sequence import HandTrack
 
 HELD, FREE = 0.015, 0.03
-"""Distance in metres between surface and nearest keypoint beside a gap: up to the first the hand
-holds what is there, from the second on it does not. Keypoints lie 10 mm inside the hand."""
-AROUND = 6  # frames beside the end of a gap in which a hand is to move with what it holds
-LOOKED, LOOKED_VERTS = 8, 512  # tell whether one part stays at another: frames, vertices
-RESTS = 0.006  # deviation of a part's motion at the hand in them below which it rests, metres
+"""Distance of the nearest keypoint to the surface beside a gap, metres: up to the first bound the
+hand holds the part, from the second on it does not. Keypoints lie 10 mm inside the hand."""
+AROUND = 6  # frames beside a gap in which hand and part are compared
+LOOKED, LOOKED_VERTS = 8, 512  # frames and vertices for the test whether two parts stay together
+RESTS = 0.006  # standard deviation of a part's motion at the hand below which it rests, metres
 
 
 def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> MovingSurface:
-    """The object whose first part is the one that the hand is at for longest.
+    """The object with its parts reordered: first the one that the hand touches for longest.
 
-    The stages see a hand from the first part, which must not be what the other hand holds. An
-    object that the hand is nowhere at stays as it is, and so does one whose held part is always at
-    the first one, as a lid or a drawer is: the networks have learned those so.
+    The stages see a hand in the frame of the first part, which must not be one that only the other
+    hand holds. The order is unchanged if the hand touches no part, or if the touched part stays at
+    the first one, such as a lid or a drawer, as in training.
     """
     if len(surface.fields) == 1:
         return surface
@@ -37,7 +37,7 @@ def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
 
 
 def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
-    """Whether a part is at the first one in all of some frames."""
+    """Whether a part is near the first part in all of `LOOKED` evenly spaced frames."""
     some = surface.at(spread(len(surface.rotation), LOOKED))
     verts = surface.fields[part].mesh.verts
     verts = verts[:: max(1, len(verts) // LOOKED_VERTS)].to(some.rotation)
@@ -49,11 +49,11 @@ def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
 def carrier_of(
     hand: HandTrack, surface: MovingSurface, relied: Float[Tensor, "T Q"]
 ) -> Carrier | None:
-    """The part of the object that the hand is nearest to beside its gaps, and how surely it holds
-    it there: by the distance of the nearest keypoint, by whether the hand moves with the part where
-    that moves, and how far the part's poses are relied on.
+    """The object part that is nearest to the hand beside its gaps, and the confidence there that
+    the hand holds it: the product of closeness, of whether the hand moves with the part
+    (`moves_with`), and of `relied`, the reliability of the part's poses.
 
-    None where the hand is seen in all frames.
+    None if the hand is observed in all frames.
     """
     seen = hand.observed
     lost = torch.nn.functional.pad(~seen, (1, 1))
@@ -75,8 +75,10 @@ def carrier_of(
 def moves_with(
     pose: Rigid, middle: Float[Tensor, "T 3"], seen: Bool[Tensor, " T"], frame: int
 ) -> Float[Tensor, ""]:
-    """1 where the hand moves with a part in the seen frames around one, or where the part rests, 0
-    where it moves over the part by as much as the part moves at the hand."""
+    """Whether the hand moves with a part in the observed frames around one, 0 to 1.
+
+    1 if it moves rigidly with the part or the part rests; 0 if it moves over the part by as much as
+    the part moves at the hand."""
     around = torch.arange(len(seen), device=seen.device)
     around = around[seen & ((around - frame).abs() <= AROUND)]
     there = Rigid(pose.rotation[around], pose.translation[around])
@@ -84,12 +86,12 @@ def moves_with(
     carried = there.apply(own.mean(0)[None])[:, 0]
     over, moved = _scatter(own), _scatter(carried)
     steady = around[2:] - around[:-2] == 2
-    if bool(steady.any()):  # white noise of the hand is none of its motion
+    if bool(steady.any()):  # subtract the white noise of the hand
         noise = own.diff(n=2, dim=0)[steady].square().sum(-1).mean() / 6
         over = (over - noise).clamp(min=0)
     return torch.where(moved < RESTS**2, 1.0, 2 * (1 - (over / moved).sqrt())).clamp(0, 1)
 
 
 def _scatter(path: Float[Tensor, "N 3"]) -> Float[Tensor, ""]:
-    """Variance of a path about its middle, square metres."""
+    """Variance of a path about its mean, square metres."""
     return (path - path.mean(0)).square().sum(-1).mean()

@@ -1,9 +1,9 @@
-"""The object's track: how noisy it is, and the track that is left when the noise is taken out.
+"""Examine the object's track for noise, and remove it.
 
-The hand is denoised in the object's frame, so what shakes the object shakes the hand. The track is
-examined first: its white noise; the frames that no possible motion reaches; the rotations that a
-symmetric mesh cannot tell apart. What the object does together with the palm of a hand is motion. A
-track that is found exact is returned as it is.
+The hand is denoised in the object frame, so noise of the object's poses would become noise of the
+hand. The examination estimates white noise, and finds frames that no possible motion reaches and
+flips by a symmetry rotation of the mesh. Motion that a palm shares is not noise. An exact track is
+returned unchanged.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -33,19 +33,18 @@ from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
 QUIET_FRAMES, QUIET_SHARE = 15, 0.1
-"""A track is as noisy as in the calmest tenth of its stretches of so many frames: an exact one
-rests there, one that shakes does so always."""
+"""The noise is measured in the calmest tenth of all stretches of this many frames: an exact track
+rests there, whereas a noisy one shakes always."""
 TURN_CHANGE, PLACE_CHANGE, MOTION_LIMIT = 0.21, 0.06, 5.0
-"""From one frame to the next the turn of a part may change by 12 degrees and its step by 6 cm at 30
-frames a second, more at fewer, or by so many times its median turn or step."""
+"""Limits of the change between consecutive steps of a part: 12 degrees and 6 cm at 30 frames a
+second, more at lower frame rates, or `MOTION_LIMIT` times its median step."""
 AGREES = 30.0
-"""Second difference of a part's place, in deviations of its noise, up to which the place counts
-where the rotation jumps."""
+"""Largest second difference of a part's position, in standard deviations of its noise, with which
+the position is used in frames where the rotation jumps."""
 LASTING = 4 / 3
-"""Seconds for which a pose that no possible motion reaches must stay to be believed: twice as many
-as for a hand (`geneoh.sequence.shots`), because a hand comes out worse against a flipped object
-than without any."""
-LEAST_STRETCH = 6  # frames between two jumps below which a stretch is left as it is
+"""Duration in seconds after which a pose beyond a jump is accepted: twice that for a hand
+(`geneoh.sequence.shots`), because cleaning against a flipped object is worse than without any."""
+LEAST_STRETCH = 6  # least number of kept frames in a stretch between jumps that is smoothed
 
 
 Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
@@ -53,7 +52,7 @@ Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
 
 @dataclass(frozen=True)
 class CleanPart:
-    """The clean poses of one part, and what was found in it; see `ObjectExamination`."""
+    """The clean poses of one part, and its examination; see `ObjectExamination`."""
 
     poses: Poses
     aligned: Poses
@@ -69,8 +68,8 @@ class CleanPart:
 def clean_object(
     motion: ObjectTrack, fps: float, palms: tuple[RigidMotion, ...] = ()
 ) -> tuple[ObjectTrack, ObjectExamination]:
-    """The object's track without its noise, and what was found in it; the very same track where all
-    parts are exact. `palms` are those of the hands as they were given, in the same frames."""
+    """The object's track without noise, and its examination; the same track object if all parts are
+    exact. `palms` are those of the input hands, in the same frames."""
     given = (motion.rotation.double().cpu().numpy(), motion.translation.double().cpu().numpy())
     seen = motion.observed.cpu().numpy()
     parts = [
@@ -103,11 +102,11 @@ def clean_part(
     seen: Bool[np.ndarray, " T"],
     palms: tuple[RigidMotion, ...],
 ) -> CleanPart:
-    """One part's track without its noise, and what was found in it. Frames not `seen` are filled,
-    with no weight and no confidence."""
+    """One part's track without noise, and its examination. Frames that are not `seen` are filled,
+    and have zero weight and confidence."""
     nowhere = np.zeros(len(seen), dtype=bool)
     exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere, nowhere)
-    if seen.sum() < LEAST_FRAMES:  # noise cannot be told from motion
+    if seen.sum() < LEAST_FRAMES:  # noise and motion cannot be distinguished
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
     world = RigidMotion(rotations, rotations.apply(box_center(mesh)) + places, seen)
@@ -122,7 +121,7 @@ def clean_part(
     limit = views.limit(limit, RigidMotion.turn_changes)
     chain = longest_chain(rotations, limit, symmetry, fps, LASTING)
     chain = replace(chain, kept=chain.kept & seen)
-    # rotations of the mesh onto itself leave the center where it is
+    # symmetry rotations keep the center fixed
     middles = rotations.apply(symmetry.center) + places
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     places = middles - rotations.apply(symmetry.center)
@@ -134,12 +133,13 @@ def clean_part(
 
 @lru_cache(maxsize=8)
 def symmetry_of(mesh: Mesh) -> Symmetry:
-    """The rotations of a mesh onto itself, kept because a stream asks for them again and again."""
+    """The symmetry of a mesh, cached because a stream needs it for every window."""
     return find_symmetry(SurfaceDistance(mesh))
 
 
 def is_shaky(views: Views, fps: float) -> bool:
-    """Whether a part shakes, by its turns and by its middle, which turns do not move."""
+    """Whether the rotation or the centre of a part has more noise than an exact track, in every
+    view."""
     bound = max(1.0, (30 / fps) ** 2)
     turn_bound, place_bound = bound * EXACT_ROTATION, bound * EXACT_TRANSLATION
     turns = all(view.turn_noise(quietest) > turn_bound for view in views.every)
@@ -154,10 +154,10 @@ def _smoothed(
     shakes: bool,
     fps: float,
 ) -> CleanPart:
-    """A part's track from its chain: smooth where it shakes, else as it is in kept frames.
+    """A part's track from its chain: smoothed if it shakes, else unchanged in kept frames.
 
-    `views` has the places of the part's point `center`; `turning` those of the frames of the chain
-    alone.
+    `views` has the positions of the point `center` of the part; `turning` is the same with only the
+    frames of the chain seen.
     """
     rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
@@ -192,7 +192,7 @@ def _smoothed(
 def steadiest(
     rotations: Rotation, places: Float64[np.ndarray, "T 3"], points: tuple[np.ndarray, ...]
 ) -> Float64[np.ndarray, " 3"]:
-    """The point of a part about which its noise turns: of some, the one that moves most evenly."""
+    """The centre of a part's rotational noise: of some points, the one of least acceleration."""
     bends = [np.diff(rotations.apply(point) + places, n=2, axis=0) for point in points]
     return points[int(np.argmin([np.linalg.norm(bend, axis=1).mean() for bend in bends]))]
 
@@ -200,7 +200,7 @@ def steadiest(
 def steady(
     places: Float64[np.ndarray, "T 3"], kept: Bool[np.ndarray, " T"], noise: float
 ) -> Bool[np.ndarray, " T"]:
-    """The frames that are kept, and the runs of others into which the place does not jump."""
+    """Kept frames, and runs of other frames without a jump of the position at their ends."""
     bends = np.linalg.norm(np.diff(places, n=2, axis=0), axis=1)
     jumps = np.pad(bends > AGREES * noise, 1, mode="edge")
     found = kept.copy()
@@ -211,7 +211,7 @@ def steady(
 
 
 def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
-    """The frames in which a part's middle is where possible motion brings it."""
+    """Frames with a position of a part's centre that possible motion reaches."""
     places = views.world.places
     limit = step_limit(np.diff(places, axis=0), PLACE_CHANGE, fps)
     limit = views.limit(limit, RigidMotion.place_changes)
@@ -219,19 +219,19 @@ def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
 
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:
-    """How much a step may differ from the one before: `change` at 30 frames a second, or more by a
-    part's own steps (N, 3), radians or metres."""
+    """Limit of the change between consecutive steps: `change` at 30 frames a second, or more if the
+    part's median step is large; `steps` are (N, 3), radians or metres."""
     return max(change * 30 / fps, MOTION_LIMIT * float(np.median(np.linalg.norm(steps, axis=1))))
 
 
 def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:
-    """The steps (N, 3) between neighbouring frames, each after the best rotation onto itself."""
+    """Rotation steps (N, 3) between neighbouring frames, each after the best symmetry rotation."""
     each = [a.T @ b @ symmetry.nearest(b, a[None])[0][0] for a, b in pairwise(turns)]
     return Rotation.from_matrix(np.stack(each)).as_rotvec()
 
 
 def quietest(lengths: Float64[np.ndarray, " N"]) -> float:
-    """The median length of a track's differences in its calmest stretches."""
+    """Median length of a track's differences, in its calmest stretches."""
     starts = range(0, max(1, len(lengths) - QUIET_FRAMES + 1), QUIET_FRAMES // 3)
     levels = [np.median(lengths[start : start + QUIET_FRAMES]) for start in starts]
     return float(np.quantile(levels, QUIET_SHARE))
@@ -240,7 +240,7 @@ def quietest(lengths: Float64[np.ndarray, " N"]) -> float:
 def smooth_stretches(
     rotations: Rotation, chain: Chain, noise: float
 ) -> tuple[Rotation, np.ndarray]:
-    """Each stretch between jumps smoothed by itself; too short ones as they are."""
+    """Smooth each stretch between jumps independently; too short ones are unchanged."""
     matrices, weight = rotations.as_matrix(), chain.kept.astype(float)
     for span in chain.stretches():
         if chain.kept[span].sum() >= LEAST_STRETCH:

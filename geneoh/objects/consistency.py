@@ -1,4 +1,4 @@
-"""Which frames of a pose track agree with one another: jumps and flips are left out or undone."""
+"""Temporal consistency of a pose track: find frames that jump, and undo symmetry flips."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,31 +11,31 @@ from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 
 SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
-"""What a chain pays for each frame that it skips, for a turn as large as the limit, and for each
-change of the rotation of the mesh onto itself; each frame that it keeps is worth one."""
-MOST = 2 / 3  # share of the kept frames from which on a stretch between jumps is taken as right
-START_SPEED = 4.0  # up to which a track may begin in the middle of a motion, metres per second
+"""Costs of a chain: per skipped frame, for a rotation as large as the limit, and per change of the
+mesh symmetry that is applied. Each kept frame has a value of 1."""
+MOST = 2 / 3  # share of all kept frames from which on a stretch between jumps is trusted
+START_SPEED = 4.0  # largest speed at the start of a track, metres per second
 
 
 @dataclass(frozen=True)
 class Chain:
-    """The frames of a track that follow from one another by possible motion."""
+    """Frames of a track that are connected by possible motion."""
 
     kept: Bool[np.ndarray, " T"]
     onto_itself: Float64[np.ndarray, "T 3 3"]
-    """Rotation of the mesh onto itself by which each kept frame agrees with the one before."""
+    """Symmetry rotation of the mesh that makes each kept frame consistent with the one before."""
     jumps: tuple[int, ...]  # kept frames that no possible motion reaches from the kept frame before
 
     def stretches(self) -> list[slice]:
-        """The frames from each jump to the next."""
+        """The stretches of frames between jumps."""
         edges = [0, *self.jumps, len(self.kept)]
         return [slice(start, stop) for start, stop in pairwise(edges)]
 
     @property
     def doubted(self) -> Bool[np.ndarray, " T"]:
-        """The frames beside jumps that may be wrong: all but those of a stretch with most frames.
+        """Frames that may be wrong because of a jump: all but a stretch with most kept frames.
 
-        No motion leads over a jump, so one side of it is wrong, and nothing tells which.
+        One side of a jump must be wrong, and nothing shows which.
         """
         found = np.full(len(self.kept), bool(self.jumps))
         for stretch in self.stretches():
@@ -47,13 +47,14 @@ class Chain:
 def longest_chain(
     rotations: Rotation, limit: float, symmetry: Symmetry, fps: float, lasting: float
 ) -> Chain:
-    """The chain of frames that keeps most of them and jumps least, by dynamic programming.
+    """The chain with most frames and fewest jumps, by dynamic programming.
 
-    From one frame of the chain to the next the part rests or keeps turning as before, each up to
-    `limit` times the root of their distance, if need be after a rotation of the mesh onto itself;
-    any other step is a jump. Fast motion is therefore no jump, as long as its speed grows over
-    several frames. `limit` is in radians, of turns from one frame to the next. An orientation that
-    no motion reaches is left out if it is given up within `lasting` seconds, else it is kept.
+    The prediction for the next frame of the chain is rest or constant angular velocity. A step is
+    possible if a frame is within `limit` (radians, for one frame) times the square root of the
+    number of frames from either prediction, if need be after a symmetry rotation of the mesh; any
+    other step is a jump. So fast motion is no jump if it accelerates over several frames. An
+    orientation beyond a jump is left out if the track leaves it within `lasting` seconds, else it
+    is kept.
     """
     matrices = rotations.as_matrix()
     count = len(matrices)
@@ -67,7 +68,7 @@ def longest_chain(
         apart = frame - earlier
         ahead = Rotation.from_rotvec(rate[earlier] * apart[:, None]).as_matrix()
         rest = aligned[earlier]
-        # the track as it is, if the frames before needed no other change
+        # prefer the symmetry rotation of the earlier frame
         reach, carried = limit * np.sqrt(apart), onto[earlier]
         found = nearest_turn(matrices[frame], (rest, rest @ ahead), carried, reach, symmetry)
         angle, changed, turned = found
@@ -87,11 +88,11 @@ def longest_chain(
 def possible_places(
     places: Float64[np.ndarray, "T 3"], limit: float, fps: float, lasting: float
 ) -> Bool[np.ndarray, " T"]:
-    """The frames of the `longest_chain` of a point's places, metres; `lasting` as there.
+    """The frames of the longest chain of a point's positions, metres; see `longest_chain`.
 
-    From one frame to the next the point rests or moves on as before, each up to `limit` times the
-    root of their distance; at the start of the chain, where nothing tells how it moved before, it
-    may have any speed up to `START_SPEED`.
+    The prediction is rest or constant velocity, within `limit` (metres, for one frame) times the
+    square root of the number of frames. At the start of a chain, where the velocity is unknown, any
+    speed up to `START_SPEED` is possible.
     """
     steps, at_start = np.diff(places, axis=0), max(limit, START_SPEED / fps)
     if np.linalg.norm(steps[:1]) < at_start and largest_bend(steps) < limit:
@@ -111,16 +112,16 @@ def possible_places(
 
 
 def largest_bend(steps: Float[np.ndarray, "N 3"]) -> float:
-    """How much a step differs most from the one before, radians or metres. Where that is less than
-    the limit, a chain keeps all frames: to leave one out would only cost what it is worth."""
+    """Largest change between consecutive steps, radians or metres. If it is below the limit, the
+    longest chain keeps all frames."""
     return float(np.linalg.norm(np.diff(steps, axis=0), axis=1).max(initial=0))
 
 
 class Chains:
-    """What the best chain to each frame is worth, and the frame before it there, or -1.
+    """Dynamic program: the value of the best chain to each frame, and its predecessor, or -1.
 
-    A frame may be reached from `lasting` frames before it, and a jump costs half as many frames:
-    two jumps cost what is between them if that lasts so long.
+    A frame may follow any of the `lasting` frames before it. A jump costs `lasting / 2`, so two
+    jumps cost as much as the value of `lasting` frames between them.
     """
 
     def __init__(self, count: int, limit: float, lasting: float):
@@ -128,7 +129,7 @@ class Chains:
         self.value, self.before = np.zeros(count), np.full(count, -1)
 
     def earlier(self, frame: int) -> Int[np.ndarray, " N"]:
-        """The frames from which one may be reached."""
+        """The possible predecessors of a frame."""
         return np.arange(max(0, frame - max(1, round(self.lasting))), frame)
 
     def extend(
@@ -138,11 +139,11 @@ class Chains:
         reach: Float64[np.ndarray, " N"],
         changed: Bool[np.ndarray, " N"] | bool = False,
     ) -> int | None:
-        """Reach a frame from the best of the earlier ones, if that is worth more than to begin.
+        """Append a frame to the best earlier chain, if that is better than to start a new one.
 
-        `off` is how far it is from where it is expected after each of them, which is a jump from
-        `reach` on; `changed` whether the rotation of the mesh onto itself changes. Returns the
-        index among the earlier ones; None for none.
+        `off` is the deviation from the prediction after each earlier frame, a jump from `reach` on;
+        `changed` is whether the symmetry rotation changes. Returns the index among the earlier
+        frames; None if a new chain starts.
         """
         earlier = self.earlier(frame)
         worth = self.value[earlier] + 1 - SKIPPED * (frame - earlier - 1)
@@ -155,7 +156,7 @@ class Chains:
         return best
 
     def longest(self) -> Bool[np.ndarray, " T"]:
-        """The frames of the chain that is worth most."""
+        """Mask of the frames of the best chain."""
         kept = np.zeros(len(self.value), dtype=bool)
         frame = int(self.value.argmax())
         while frame >= 0:
@@ -170,9 +171,10 @@ def nearest_turn(
     reach: Float64[np.ndarray, " N"],
     symmetry: Symmetry,
 ) -> tuple[Float64[np.ndarray, " N"], Bool[np.ndarray, " N"], Float64[np.ndarray, "N 3 3"]]:
-    """How far a rotation is from resting and from turning on, after a rotation onto itself,
-    radians; whether a new one of these was needed to come within `reach`; and that rotation onto
-    itself."""
+    """Compare a rotation with the two predictions (rest, constant velocity) after N earlier frames.
+
+    Returns the least angle to a prediction, radians; whether another symmetry rotation than
+    `carried` was needed to come within `reach`; and the symmetry rotation that was applied."""
     plain = np.minimum(*(angles(turn, matrix @ carried) for turn in expected))
     other, least = symmetry.nearest(matrix, expected[0])
     changed = (plain >= reach) & (least < reach)
@@ -183,12 +185,12 @@ def nearest_turn(
 def angles(
     one: Float64[np.ndarray, "N 3 3"], other: Float64[np.ndarray, "N 3 3"]
 ) -> Float64[np.ndarray, " N"]:
-    """Radians between rotations."""
+    """Angles between rotations, radians."""
     return np.arccos(((np.einsum("nij,nij->n", one, other) - 1) / 2).clip(-1, 1))
 
 
 def commonest(rotations: Float64[np.ndarray, "N 3 3"]) -> Float64[np.ndarray, "3 3"]:
-    """The rotation that occurs most often: what it stands for is left as the track has it."""
+    """The most frequent rotation, up to rounding: poses with it are left unchanged."""
     _, first, count = np.unique(
         rotations.round(3).reshape(-1, 9) + 0.0, axis=0, return_index=True, return_counts=True
     )

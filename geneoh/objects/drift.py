@@ -1,9 +1,10 @@
-"""How much of the noise of a part's poses drifts, which `geneoh.objects.refine` takes out of them.
+"""Estimate how much drift (slowly varying noise) a part's poses have; `geneoh.objects.refine`
+removes it.
 
-Where a part rests in the world the two differ, and it may rest wherever drift as large as the white
-noise explains its track better than motion does. There the likelihoods of the track with drift and
-without are compared. The frames of hands are not asked: a hand that was cleaned against the object
-drifts too.
+White noise and drift can be distinguished where a part rests in the world frame. A stretch is taken
+as rest if drift as large as the white noise explains it better than motion does; there the
+likelihoods of the track with and without drift are compared. Rest in a hand is not used, because a
+hand that was cleaned against the object drifts with it.
 """
 
 import math
@@ -14,18 +15,19 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import expit, logsumexp
 
 DRIFT_SECONDS = 0.5  # correlation time of the drift
-STRETCH_SECONDS = 0.8  # length of the stretches that are looked at
-MOVES = 2.0  # deviation of what stands for motion, in units of the noise, same correlation time
-LEAST_DRIFT = 0.3  # deviation of the drift, in units of the noise, where the track shows none
+STRETCH_SECONDS = 0.8  # length of the stretches that are tested
+MOVES = 2.0  # standard deviation of the motion model in units of the noise, same correlation time
+LEAST_DRIFT = 0.3  # lower bound of the drift's standard deviation, in units of the noise
 
 
 def size_of_drift(
     observed: list[Float64[np.ndarray, "T 3"]], known: Bool[np.ndarray, " T"], fps: float
 ) -> float:
-    """Deviation of the drift in units of that of the white noise, from `LEAST_DRIFT` to 1.
+    """Ratio of the standard deviations of drift and white noise, from `LEAST_DRIFT` to 1.
 
-    It is 1 where nothing tells it: the part is exact, or never rests for so long. `observed` are
-    turns or places of the part or both, in units of their white noise, in frames that are `known`.
+    It is 1 without evidence: the part is exact, or never rests for `STRETCH_SECONDS`. `observed`
+    are rotation vectors, positions or both, in units of their white noise; only `known` frames are
+    used.
     """
     count = math.ceil(STRETCH_SECONDS * fps)
     if not observed or len(known) < count:
@@ -37,7 +39,7 @@ def size_of_drift(
     rests = sliding_window_view(known, count).all(1) & (drifting > moving)
     if not rests.any():
         return 1.0
-    # of all stretches, and not of the best one: in some of many, drift is small by chance
+    # the mean over all stretches: the best one of many has small drift by chance
     odds = logsumexp((white - drifting)[rests]) - np.log(rests.sum())
     return float(np.sqrt(LEAST_DRIFT**2 + (1 - LEAST_DRIFT**2) * expit(-odds)))
 
@@ -45,13 +47,13 @@ def size_of_drift(
 def log_likelihood(
     track: Float64[np.ndarray, "T N"], size: float, count: int, frames: float
 ) -> Float64[np.ndarray, " S"]:
-    """Of each stretch of `count` frames of a track that rests, up to a constant: its coordinates
-    have white noise of deviation 1, and a drift of the deviation `size` that is correlated over
+    """Log likelihood, up to a constant, of each stretch of `count` frames of a resting track: white
+    noise of standard deviation 1, and drift of standard deviation `size` with a correlation time of
     `frames`."""
     time = np.arange(count)
     centered = np.eye(count) - 1 / count
     drift = centered @ np.exp(-np.abs(time[:, None] - time) / frames) @ centered
     shares, modes = np.linalg.eigh(drift)
-    variance = 1 + size**2 * shares[1:]  # the first is that of the place itself
+    variance = 1 + size**2 * shares[1:]  # without the first mode, the unknown mean position
     energy = np.square(sliding_window_view(track, count, axis=0) @ modes[:, 1:])
     return -0.5 * (energy / variance + np.log(variance)).sum((1, 2))

@@ -1,7 +1,7 @@
-"""How far a hand is cleaned against its object, frame by frame, and how far by itself.
+"""Per-frame weight of the object in cleaning: reliability of its poses, and the hand's interaction.
 
-Cleaning takes the white noise out of the object's poses, and not what lasts. A pose that is off by
-more than contact says nothing about contact.
+Cleaning removes white noise from the object's poses, but not slowly varying errors. A pose error
+larger than contact distances makes contact uninformative.
 """
 
 import math
@@ -24,37 +24,39 @@ from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
 
-TOLERATED = 0.012  # noise of the object's surface at which it counts half, metres
+TOLERATED = 0.012  # noise of the object's surface at which its reliability is 0.5, metres
 FEW, ENOUGH = 0.3, 0.6
-"""Share of the seen poses that agree with one another: nothing is made of less than the first, and
-the second is as good as all."""
-BRIDGED = 8.0  # frames at 30 a second over which the others are relied on after one that agrees
-AROUND = 4.0  # deviation, frames at 30 a second, of the Gaussian over those around an unseen one
-FADE = 3.0  # deviation in frames at 30 a second of the filter by which reliance changes
-LASTING = 30.0  # the same of the Gaussian over which a shift of the hand lasts
-DRIFT = 15.0  # frames at 30 a second after which the noise of poses is another one
+"""Share of the seen poses that agree with one another: reliability is 0 up to the first bound, and
+not reduced from the second on."""
+# durations are in frames at 30 frames a second
+BRIDGED = 8.0  # decay of the reliability with the distance to the nearest frame that agrees
+AROUND = 4.0  # standard deviation of the Gaussian that averages accelerations around a frame
+FADE = 3.0  # standard deviation of the filter that smooths reliability over time
+LASTING = 30.0  # standard deviation of the Gaussian that averages the shift of the hand
+DRIFT = 15.0  # correlation time of the noise of poses
 NEAR, AWAY = 0.05, 0.09
-"""Distance in metres between keypoints and surface in the nearest frame: up to the first the hand
-is taken to deal with the object, from the second on not. Keypoints lie 10 mm inside the hand."""
+"""Least distance over all frames between keypoints and surface, metres: up to the first bound the
+hand interacts with the object, from the second on it does not. Keypoints lie 10 mm inside the
+hand."""
 BESIDE, APART = 0.1, 0.25
-"""The same in each frame: up to the first the hand may come to the object or leave it, from the
-second on it moves for itself."""
+"""Distance in each frame, metres: up to the first bound the hand may approach or leave the object,
+from the second on it moves independently."""
 
-CARRIED = 0.1  # speed of the object's surface, metres per second, from which on something moves it
+CARRIED = 0.1  # speed of the object's surface above which something moves it, metres per second
 TOUCHING, OFF = 0.02, 0.04
-"""Distance in metres between surface and nearest keypoint: up to the first the hand may touch the
-object, from the second on not. While they hold, noisy hands are at most 2 cm off in 95 of 100 clips
-but under the noise of a camera, whose errors are tried along its ray."""
-ALONG = 0.1  # largest error along a camera's ray, metres
-SMOOTHED = 3.0  # deviation, frames at 30 a second, of the filter of keypoints for their distance
-AROUND_TOUCH = 30.0  # frames at 30 a second around each one in which a touch counts
+"""Distance of the nearest keypoint to the surface, metres: up to the first bound the hand may touch
+the object, from the second on it does not. Noisy hands that hold are within 2 cm in 95 of 100
+clips, except under camera noise, for which shifts along the camera ray are tried."""
+ALONG = 0.1  # largest error along a camera ray, metres
+SMOOTHED = 3.0  # standard deviation of the filter of keypoints before their distance is measured
+AROUND_TOUCH = 30.0  # frames around each one in which a touch counts
 CLEAR, UNCLEAR = 0.016, 0.020
-"""Deviation in metres of the place where contact shows the hand to be: up to the first it holds or
-touches the object, from the second on contact tells nothing."""
+"""Standard deviation of SpatialDiff's shift, metres: up to the first bound the hand touches the
+object, from the second on contact does not determine its position."""
 SPUN, WHEEL = 0.75, 1.0
-"""Turns in the palm about `AROUND_TOUCH`: up to the first fingers may turn what they hold, from the
-second on it spins like a wheel, over which even a hand at its axle slides."""
-UNPROVEN = 3.0  # frames of a moving object in which the hand touches it before any is seen
+"""Full turns of the object in the palm within about `AROUND_TOUCH`: up to the first bound fingers
+may turn it, from the second on it spins like a wheel, over which even a hand at its axle slides."""
+UNPROVEN = 3.0  # prior weight, in frames, of a touch while the object moves
 
 
 def evidence_of_poses(
@@ -63,9 +65,10 @@ def evidence_of_poses(
     fps: float,
     off: Float[Tensor, "T Q"] | None = None,
 ) -> Float[Tensor, "T Q"]:
-    """Share, 0 to 1, by which each pose of an examined track is relied on; 1 where it is exact, and
-    for a part that was never seen. `motion` is the track after cleaning, and `off` how far poses
-    may still be off for other reasons than noise, metres."""
+    """Reliability, 0 to 1, of each pose of an examined track; 1 if a part is exact or never seen.
+
+    `motion` is the track after cleaning, and `off` the expected error of poses by other causes than
+    noise, metres."""
     found = torch.ones_like(examined.confidence)
     lost = examined.confidence == 0
     doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
@@ -77,9 +80,9 @@ def evidence_of_poses(
         sure = (examined.confidence > 0) & ~examined.doubted
         kept = sure[:, part].cpu().numpy()
         away = np.asarray(distance_transform_edt(~kept))  # with none kept, `share` is 0
-        # a bridge over unseen frames misses what the object accelerated by there
+        # interpolation over unseen frames misses the object's acceleration there
         missed = 0.5 * acceleration_around(motion, part, kept, fps) * np.square(away)
-        # a frame without a pose agrees with none and contradicts none
+        # frames without a pose count neither as agreement nor as contradiction
         agree = kept.sum() / max((kept | examined.left_out[:, part].cpu().numpy()).sum(), 1)
         share = min(max((agree - FEW) / (ENOUGH - FEW), 0.0), 1.0)
         relied = share / (1 + (size**2 + np.square(missed)) / TOLERATED**2)
@@ -92,8 +95,8 @@ def evidence_of_poses(
 def evidence_at_hand(
     poses: Float[Tensor, "T Q"], joints: Float[Tensor, "T 21 3"], surface: MovingSurface
 ) -> Float[Tensor, " T"]:
-    """Share of each frame by those of its parts, of which the least counts among those that the
-    hand may deal with: a part that is apart from it, such as another object, says nothing of it.
+    """Reliability of each frame: the least among the parts near the hand. Parts that are apart from
+    the hand, such as another object, are ignored.
     """
     if poses.shape[1] == 1 or bool((poses == 1).all()):
         return poses.amin(1)
@@ -104,8 +107,8 @@ def evidence_at_hand(
 def acceleration_around(
     motion: ObjectTrack, part: int, kept: Bool[np.ndarray, " T"], fps: float
 ) -> Float64[np.ndarray, " T"]:
-    """How much a part's surface accelerates in the seen frames around each one, metres per frame²:
-    the root mean square over some of its vertices and the frames, weighed by a Gaussian."""
+    """Acceleration of a part's surface around each frame, metres per frame²: the root mean square
+    over some vertices and over the seen frames, with Gaussian weights."""
     placed = placed_vertices(motion, part).cpu().numpy()
     squares = np.zeros(len(kept))
     squares[1:-1] = np.square(np.diff(placed, n=2, axis=0)).sum(-1).mean(1)
@@ -125,7 +128,7 @@ def placed_vertices(motion: ObjectTrack, part: int) -> Float64[Tensor, "T V 3"]:
 
 
 def radius(mesh: Mesh) -> float:
-    """Root mean square distance of a mesh's vertices from their middle, metres."""
+    """Root mean square distance of a mesh's vertices from their mean, metres."""
     return float((mesh.verts - mesh.verts.mean(0)).square().sum(-1).mean().sqrt())
 
 
@@ -135,17 +138,17 @@ def evidence_of_nearness(
     fps: float,
     ray: Float[Tensor, "T 3"] | None = None,
 ) -> Float[Tensor, " T"]:
-    """How far a hand deals with its object, 0 to 1: not at all where it never comes near, in no
-    frame in which it is apart from it, and not where it moves beside it without touching it, or
-    while all of it spins in the hand.
+    """Interaction of a hand with its object in each frame, 0 to 1.
 
-    `ray` is the unit direction from the camera to the hand, along which the hand may be far off.
+    It is 0 in all frames if the hand never comes near; and in frames in which the hand is apart,
+    moves beside the object without a touch, or all parts spin in the hand. `ray` is the unit
+    direction from the camera to the hand, along which the hand may have a large error.
     """
     nearest = distance_of_nearest(joints, surface).cpu()
     deals = share_between(nearest.min(), NEAR, AWAY)
     beside = share_between(nearest, BESIDE, APART).numpy()
     fade = FADE * fps / 30
-    # wholly without it where the hand is apart, as the object may be metres away a moment later
+    # exactly zero in frames apart, because the object may be metres away a moment later
     least = minimum_filter1d(beside, 2 * round(2 * fade) + 1, mode="nearest")
     smooth = gaussian_filter1d(least, fade, mode="nearest")
     near = float(deals) * torch.from_numpy(smooth).to(joints)
@@ -158,12 +161,12 @@ def touching(
     fps: float,
     ray: Float[Tensor, "T 3"] | None,
 ) -> Float[Tensor, " T"]:
-    """1 where the hand may touch the object about that time, 0 where it moves beside it.
+    """Whether the hand may touch the object around each frame, from 1 to 0 (it moves beside it).
 
-    A hand that holds has a keypoint at the surface, however noisy it is. One that is off would be
-    taken for a hand that an estimator has put in the wrong place, and pulled to the object. While
-    the object moves, a hand that moves it is at the surface all the while; an object at rest may be
-    touched within a second before or after.
+    A hand that holds has a keypoint near the surface even if it is noisy. A hand farther off would
+    be taken for one with a position error and be pulled to the object. A hand that moves the object
+    must be near the surface while the object moves; an object at rest may be touched within a
+    second before or after.
     """
     filtered = gaussian_filter1d(joints.cpu().numpy(), SMOOTHED * fps / 30, axis=0, mode="nearest")
     points = torch.from_numpy(filtered).to(joints)
@@ -185,7 +188,7 @@ def touching(
 def gripping(
     joints: Float[Tensor, "T 21 3"], surface: MovingSurface, fps: float
 ) -> Float[Tensor, " T"]:
-    """1 where some part of the object may be gripped, 0 while each turns on and on in the palm."""
+    """1 where some part may be gripped, 0 where every part spins continuously in the palm."""
     around, wide = partial(gaussian_filter1d, axis=0, mode="constant"), AROUND_TOUCH * fps / 30
     frames, palm = (2 * math.pi) ** 0.5 * wide, palm_axes(joints[:, None])
     found = torch.zeros(len(joints))
@@ -201,15 +204,15 @@ def gripping(
 
 
 def evidence_of_place(width: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
-    """1 where contact tells the place of the hand, 0 where it fits many places alike, as one does
-    that is near the object without touching it. `width` is the deviation of the place by
-    SpatialDiff, metres."""
+    """1 where contact determines the position of the hand, 0 where many positions are equally
+    probable, as for a hand near the object without a touch. `width` is the standard deviation of
+    SpatialDiff's shift, metres."""
     return share_between(width, CLEAR, UNCLEAR).to(width)
 
 
 def _moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
-    """The frames in which the surface of any part moves, by where it is a tenth of a second before
-    and after."""
+    """Frames in which the surface of any part moves, by its displacement from a tenth of a second
+    before to a tenth after."""
     frames, apart = len(surface.rotation), max(1, round(fps / 10))
     found = torch.zeros(frames, dtype=torch.bool, device=surface.rotation.device)
     for field, pose in surface.parts:
@@ -223,7 +226,7 @@ def _moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
 def distance_of_nearest(
     points: Float[Tensor, "T P 3"], surface: MovingSurface
 ) -> Float[Tensor, " T"]:
-    """Metres from the surface to the nearest of the points of each frame, from 0 to `APART`."""
+    """Distance of the nearest point to the surface in each frame, metres, clamped to 0..`APART`."""
     surface = replace(surface, within=APART)
     found = [surface.at(some).query(points[some]).distance for some in blocks(len(points))]
     return torch.cat(found).nan_to_num(math.inf).amin(-1).clamp(0, APART)
@@ -232,7 +235,7 @@ def distance_of_nearest(
 def distance_of_parts(
     points: Float[Tensor, "T P 3"], surface: MovingSurface
 ) -> Float[Tensor, "T Q"]:
-    """The same from each part of the object."""
+    """`distance_of_nearest` to each part of the object."""
     parts = (surface.of_parts([part]) for part in range(len(surface.fields)))
     return torch.stack([distance_of_nearest(points, part) for part in parts], dim=1)
 
@@ -240,7 +243,7 @@ def distance_of_parts(
 def share_between(
     distance: Float[Tensor, "*N"], whole: float, none: float
 ) -> Float64[Tensor, "*N"]:
-    """1 up to `whole`, 0 from `none` on, and a straight line between them."""
+    """Linear ramp: 1 up to `whole`, 0 from `none` on."""
     return ((none - distance.double()) / (none - whole)).clamp(0, 1)
 
 
@@ -251,20 +254,21 @@ def blended(
     near: Float[Tensor, " T"],
     fps: float,
 ) -> Float[Tensor, "S T 21 3"]:
-    """Samples that were cleaned against the object, as far as it is relied on, else those without.
+    """Blend samples that were cleaned with and without the object, by the object's reliability.
 
-    What lasts of the shift between them is known better than one frame tells, because the noise of
-    poses averages out over seconds: it counts by its own size beside the error of that average.
+    The slowly varying part of the shift between them is more certain than that of a single frame,
+    because the noise of poses averages out over seconds: it gets an additional weight, from its
+    ratio to the error of that average.
 
-    `alone` and `held` are the same samples, metres, without the object and cleaned against it;
-    `poses` is how far each frame's poses are relied on, and `near` how far the hand is taken to
-    deal with the object, both from 0 to 1.
+    `alone` and `held` are the same samples, metres, cleaned without and with the object. `poses` is
+    the reliability of each frame's poses, and `near` the interaction of the hand with the object,
+    both from 0 to 1.
     """
     shift = (held - alone).mean((0, 2)).cpu().double().numpy()
     relied, wide = poses.cpu().double().numpy(), LASTING * fps / 30
     around = partial(gaussian_filter1d, sigma=wide, axis=0, mode="constant")
     mean = around(relied[:, None] * shift) / around(relied).clip(1e-9)[:, None]
-    # a frame that counts e has noise of variance (1 / e - 1) TOLERATED^2, see `evidence_of_poses`
+    # reliability e means noise of variance (1 / e - 1) TOLERATED^2, see `evidence_of_poses`
     frames = (2 * math.pi) ** 0.5 * wide / (DRIFT * fps / 30)
     precision = frames * around(relied / (1 - relied).clip(1e-3))
     signal = (mean**2).sum(1) * precision / TOLERATED**2
@@ -274,7 +278,7 @@ def blended(
 
 
 def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
-    """What a user should know where the object is hardly relied on."""
+    """A sentence for the user about frames in which the object has little weight."""
     if count := int((evidence < 0.5).sum()):
         yield (
             f"in {numbered(count, 'frame')} the object is too noisy, too long unseen or too far "

@@ -1,4 +1,4 @@
-"""What the track of an object says about its own noise, and what a user is told of it."""
+"""Result of the examination of an object's track: its noise and faults, and sentences for users."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,42 +13,42 @@ from geneoh.errors import numbered
 from geneoh.sequence.sequence import ObjectTrack
 
 EXACT_ROTATION, EXACT_TRANSLATION = 0.008, 0.0006
-"""White noise per axis up to which a track of 30 frames a second counts as exact, radians and
-metres: motion capture has 0.003 and 0.00016. At fewer frames a second motion itself looks like
-noise, with the square of the time between frames, and the bounds grow with it."""
+"""White noise per axis up to which a track at 30 frames a second counts as exact, radians and
+metres: motion capture has 0.003 and 0.00016. At lower frame rates motion itself looks like noise,
+in proportion to the square of the time between frames, and the bounds are scaled by that."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectExamination(Bundle):
-    """What the track of an object of Q parts says about its own noise."""
+    """Noise and faults in the track of an object with Q parts."""
 
     rotation_noise: Float[Tensor, " Q"]
-    """Deviation of white noise per axis, radians; 0 where a part's track is exact."""
+    """Standard deviation of white noise per axis, radians; 0 if a part's track is exact."""
     translation_noise: Float[Tensor, " Q"]
-    """Deviation of white noise per axis, metres; 0 where a part's track is exact."""
+    """Standard deviation of white noise per axis, metres; 0 if a part's track is exact."""
     confidence: Float[Tensor, "T Q"]
-    """How much each pose agrees with the others of its part, from 0 (left out) to 1."""
+    """Agreement of each pose with the other poses of its part, from 0 (left out) to 1."""
     left_out: Bool[Tensor, "T Q"]
-    """Poses whose rotation or place no possible motion reaches."""
+    """Poses whose rotation or translation no possible motion reaches."""
     symmetric: Bool[Tensor, "T Q"]
-    """Poses whose rotation was changed by one of the mesh onto itself."""
+    """Poses that were changed by a symmetry rotation of the mesh."""
     doubted: Bool[Tensor, "T Q"]
-    """Poses beside a turn that no motion makes, of which nothing tells whether they are right."""
+    """Poses that may be wrong because of a jump of the rotation; see `Chain.doubted`."""
     is_noisy: Bool[Tensor, " Q"]
     """Whether a part's track was cleaned."""
     aligned: ObjectTrack
-    """The poses as they were given, but for symmetric ones, which are turned back."""
+    """The input poses with symmetry flips undone."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
     @property
     def white_noise(self) -> Float[Tensor, " 2"]:
-        """Deviation of white noise on the worst part's rotation (rad) and translation (m)."""
+        """Largest white noise over parts, of the rotation (rad) and the translation (m)."""
         return torch.stack([self.rotation_noise.max(), self.translation_noise.max()])
 
     def sentences(self) -> Iterator[str]:
-        """What a user should know about the object's poses, where there is anything."""
+        """Sentences for the user about the object's poses."""
         for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
             name = self.aligned.name_of(part)
             turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])

@@ -1,7 +1,7 @@
-"""What `geneoh.objects.refine` takes for rest: an object lies in the world, or a hand holds it.
+"""Models of rest for `geneoh.objects.refine`: an object lies in the world, or a hand holds it.
 
-A hand may hold it loosely: then it stays about one grip, give or take what it was seen to move in
-the hand beyond its noise.
+In a loose grip the object stays near one pose in the hand, with the variance of its observed motion
+in the hand beyond the noise.
 """
 
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-REACH = 0.05  # metres from a hand's keypoints to the object's box up to which it may hold it
+REACH = 0.05  # largest distance of a hand's keypoints to the bounding box of a held part, metres
 LAG = 8
-"""Frames over which it is asked whether the object rests: drift alone moves it by about as much as
-the noise, motion by more."""
+"""Frames between two poses in the test for rest: in this time drift moves the object by about as
+much as the noise, and motion by more."""
 MOVES = 4.0
-"""Mean squared step over that time, in units of what drift makes, from which on it is motion."""
+"""Mean squared displacement over `LAG`, in units of that by drift, from which on it is motion."""
 RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
-"""Step per frame, metres, up to which an object rests in the world and in a hand, each in the first
-and in the last round of reweighting. It shrinks from round to round, so that steps of motion lose
-their weight before they distort the others."""
-RADIANS_PER_METRE = 6.0  # the same for turns: 0.35 degrees for a millimetre
-CHI3_SHARE = 0.789  # median of the mean square of three standard normal numbers
-LEAST_GRIP = 0.0025  # least deviation per axis in a grip, metres: what clean hands are off by
-WELL_HELD = 0.01  # deviation in its grip up to which an unseen object starts there, metres
-GRIP_FRAMES = 6.0  # frames over which that deviation lasts
-GRIP_OUTLIER = 4.0  # squared usual deviations from which on an object is not in its grip
-SHORTEST_GRIP = 10  # frames near a hand below which nothing is known of the grip
+"""Scale of the step per frame, metres, of rest in the world and in a hand, each in the first and in
+the last round of reweighting. It shrinks from round to round, so that steps of motion lose their
+weight before they distort the others."""
+RADIANS_PER_METRE = 6.0  # conversion of these scales to rotations: 0.35 degrees per millimetre
+CHI3_SHARE = 0.789  # median of the mean square of three standard normal variables
+LEAST_GRIP = 0.0025  # floor of the standard deviation in a grip per axis, metres: error of hands
+WELL_HELD = 0.01  # largest standard deviation of a grip that initialises unseen poses, metres
+GRIP_FRAMES = 6.0  # correlation time of motion in a grip, frames
+GRIP_OUTLIER = 4.0  # squared standard deviations from which on an object is not in its grip
+SHORTEST_GRIP = 10  # least number of known frames near a hand for an estimate of the grip
 ROUNDS = 8  # rounds of reweighting
 
 Track = Float64[np.ndarray, "T 3"]
@@ -42,41 +42,42 @@ Track = Float64[np.ndarray, "T 3"]
 
 @dataclass(frozen=True)
 class PartTrack:
-    """The smooth track of one part, and how sure it is."""
+    """The smooth track of one part, and its noise."""
 
     turns: Rotation
     places: Track
-    noise: tuple[float, float]  # deviations of the white noise per axis, radians and metres
-    drift: tuple[float, float]  # deviations of the noise that lasts, per axis, radians and metres
+    noise: tuple[float, float]  # standard deviation of white noise per axis, radians and metres
+    drift: tuple[float, float]  # standard deviation of drift per axis, radians and metres
     known: Bool[np.ndarray, " T"]  # False in frames that are filled or left out
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What an object may rest in, the world or a hand, over T frames."""
+    """Frame of reference in which an object may rest, the world or a hand, over T frames."""
 
     rotation: Float64[np.ndarray, "T 3 3"]
     origin: Track
-    near: Bool[np.ndarray, " N"]  # whether the object may rest in it from each frame to the next
+    near: Bool[np.ndarray, " N"]  # whether the object may rest in it between neighbouring frames
     scale: tuple[float, float] = HELD
 
     @classmethod
     def of_world(cls, frames: int) -> "Frame":
-        """The world, in which an object may rest at any time."""
+        """The world frame, in which an object may rest at any time."""
         upright, origin = np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3))
         return cls(upright, origin, np.ones(frames - 1, dtype=bool), RESTS)
 
     def step(
         self, start: Int[np.ndarray, " N"], lag: int = 1
     ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, "N 3"]]:
-        """Its rigid motion, x -> turn @ x + shift, from start frames to `lag` frames later."""
+        """Rigid motion x -> turn @ x + shift of this frame of reference, from the frames `start` to
+        `lag` frames later."""
         turn = self.rotation[start + lag] @ self.rotation[start].swapaxes(1, 2)
         return turn, self.origin[start + lag] - _moved(turn, self.origin[start])
 
     def left(
         self, turns: Rotation, places: Track, start: Int[np.ndarray, " N"], lag: int = 1
     ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3"]]:
-        """How an object turns and moves besides, axis-angle in radians and metres."""
+        """Residual motion of an object relative to `step`: axis-angle in radians, and metres."""
         turn, shift = self.step(start, lag)
         matrices = turns.as_matrix()
         besides = matrices[start + lag] @ matrices[start].swapaxes(1, 2) @ turn.swapaxes(1, 2)
@@ -88,16 +89,16 @@ class Frame:
 
 @dataclass(frozen=True)
 class Grip:
-    """Where an object would be if it did not move in a hand, with weights of turns and places."""
+    """Poses of an object that does not move in a hand, world frame, with weights."""
 
     turns: Rotation
     places: Track
-    weights: Float64[np.ndarray, "2 T"]  # inverse squares of radians and metres; 0 where not held
+    weights: Float64[np.ndarray, "2 T"]  # precisions, 1/rad^2 and 1/m^2; 0 where not held
 
     def taken(
         self, start: tuple[Rotation, Track], lost: Bool[np.ndarray, " T"]
     ) -> tuple[Rotation, Track]:
-        """A track that has this grip in lost frames in which it is held well."""
+        """The track `start` with the poses of this grip in lost frames in which it is firm."""
         held = (lost & (self.weights[1] * GRIP_FRAMES > WELL_HELD**-2))[:, None]
         turns = np.where(held[..., None], self.turns.as_matrix(), start[0].as_matrix())
         return Rotation.from_matrix(turns), np.where(held, self.places, start[1])
@@ -106,7 +107,7 @@ class Grip:
 def frame_of(
     hand: HandTrack, motion: ObjectTrack, part: int, known: Bool[np.ndarray, " T"]
 ) -> Frame:
-    """The palm of a hand, near the box of a part."""
+    """The palm as a frame of reference, `near` where the hand is at the bounding box of a part."""
     assert hand.joints is not None, "clean hands have joints"
     assert hand.pose is not None, "clean hands have a pose"
     verts = motion.meshes[part].verts
@@ -120,7 +121,7 @@ def frame_of(
 
 
 def grip_of(frame: Frame, smooth: PartTrack) -> Grip:
-    """The grip of a hand each time that it is near, as far as it is one."""
+    """The grip in each run of frames in which a hand is near, with zero weight elsewhere."""
     back = frame.rotation.swapaxes(1, 2)
     turns = Rotation.from_matrix(back @ smooth.turns.as_matrix())
     places = _moved(back, smooth.places - frame.origin)
@@ -140,7 +141,7 @@ def grip_of(frame: Frame, smooth: PartTrack) -> Grip:
 def usual_grip(
     turns: Rotation, places: Track, noise: tuple[float, float], known: Bool[np.ndarray, " T"]
 ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, " 3"], Float64[np.ndarray, "2 T"]]:
-    """The pose in the hand that most frames agree on, and the weights of turns and places by it."""
+    """Robust mean pose in the hand, and the precisions of rotations and positions about it."""
     sound = turns[known]  # pyright: ignore[reportArgumentType]  # arrays lack in scipy's stubs
     turn, place = sound.mean(), np.median(places[known], axis=0)
     usual, apart = np.square(noise), np.zeros(len(places))
@@ -158,7 +159,7 @@ def usual_grip(
 
 
 def could_rest(frame: Frame, smooth: PartTrack) -> Bool[np.ndarray, " N"]:
-    """Whether drift alone explains how the object moves in a frame, around each step."""
+    """Whether drift alone explains the motion in a frame of reference, around each step."""
     steps = np.arange(len(smooth.places) - 1)
     least = np.full(len(steps), np.inf)
     for back in (0, LAG // 2, LAG - 1):
@@ -172,10 +173,10 @@ def could_rest(frame: Frame, smooth: PartTrack) -> Bool[np.ndarray, " N"]:
 
 
 def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:
-    """Values of a track, unknown ones from those around them; infinite if none is known."""
+    """Values of a track with unknown ones interpolated; infinite if none is known."""
     return interpolated(values[:, None], known)[:, 0] if known.any() else values + np.inf
 
 
 def _moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:
-    """Points, each turned by its matrix."""
+    """Points, each rotated by its matrix."""
     return np.einsum("nij,nj->ni", turn, points)

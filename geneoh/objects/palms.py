@@ -1,7 +1,7 @@
-"""What hands tell of an object's motion: what the object does together with a hand is no noise.
+"""Distinguish motion of an object from noise of its poses: motion is shared by a hand's palm.
 
-A bottle that is shaken leaps from frame to frame as the pose of a poor estimator does. Seen from
-the palm that shakes it, it rests; noise of its poses shakes it there too.
+A bottle that is shaken moves from frame to frame as much as the pose of a poor estimator. In the
+frame of the palm that shakes it, the bottle rests, whereas noise remains.
 """
 
 from collections.abc import Callable
@@ -20,54 +20,56 @@ from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack
 
-SHARED = 0.5  # a palm shares a change of motion if it sees at most this part of the change
-SLACK = 1.01  # by how much a limit is above the largest change that a palm shares
+SHARED = 0.5  # a palm shares a change of motion if at most this share of it remains in its frame
+SLACK = 1.01  # ratio of a limit to the largest change that a palm shares
 
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """How a part of an object or a palm moves, and the frames in which it was seen."""
+    """Rotations and positions of a rigid body, an object part or a palm."""
 
     turns: Rotation
-    places: Float64[np.ndarray, "T 3"]  # of its middle, metres
-    seen: Bool[np.ndarray, " T"]
+    places: Float64[np.ndarray, "T 3"]  # of its centre, metres
+    seen: Bool[np.ndarray, " T"]  # frames in which it was observed
 
     def as_seen_from(self, palm: "RigidMotion") -> "RigidMotion":
-        """The same motion as a palm sees it."""
+        """The same motion in the frame of a palm."""
         back = palm.turns.inv()
         places = back.apply(self.places - palm.places)
         return RigidMotion(back * self.turns, places, self.seen & palm.seen)
 
     @property
     def is_long(self) -> bool:
-        """Whether so many frames in a row are seen that noise is told from motion."""
+        """Whether enough consecutive frames are seen to distinguish noise from motion."""
         return bool(sliding_window_view(self.seen, LEAST_FRAMES).all(1).any())
 
     def turn_noise(self, summary: Summary = np.median) -> float:
-        """Deviation of the white noise of its turns per axis, radians; see `noise_level`."""
+        """Standard deviation of the rotation's white noise per axis, radians; see `noise_level`."""
         return noise_level(path_of(self.turns), self.seen, summary)
 
     def place_noise(self, summary: Summary = np.median) -> float:
-        """The same of its middle, metres."""
+        """Standard deviation of the position's white noise per axis, metres; see `noise_level`."""
         return noise_level(self.places, self.seen, summary)
 
     def turn_changes(self) -> Float64[np.ndarray, " N"]:
-        """How much each turn to the next frame differs from the one before, radians."""
+        """Change between consecutive rotation increments, radians."""
         return np.linalg.norm(np.diff(increments(self.turns), axis=0), axis=1)
 
     def place_changes(self) -> Float64[np.ndarray, " N"]:
-        """How much each step differs from the one before, metres."""
+        """Change between consecutive displacements, metres."""
         return np.linalg.norm(np.diff(self.places, n=2, axis=0), axis=1)
 
 
 def palm_of(hand: HandTrack) -> RigidMotion:
-    """The palm of a track, of which something is seen in some frame."""
+    """The palm of a track that is observed in at least one frame."""
     return palm_at(filled_keypoints(hand), hand.trust > 0)
 
 
 def palm_at(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> RigidMotion:
-    """The palm of keypoints, metres, world frame; seen where all of its own are trusted. Those that
-    never are count as they are; axes that they do not tell are the world's."""
+    """The palm of keypoints, metres, world frame; seen where all palm keypoints are trusted.
+
+    Keypoints that are never trusted are used all the same; if they do not determine the palm's
+    axes, the world axes are used."""
     points, known = palm_points(joints, trusted)
     whole = joints.index_copy(1, torch.tensor(PALM, device=joints.device), points)
     axes = palm_axes(whole[:, None])
@@ -79,26 +81,27 @@ def palm_at(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> R
 
 @dataclass(frozen=True)
 class Views:
-    """The motion of a part as the world sees it and as palms do."""
+    """The motion of a part in the world frame and in the frames of palms."""
 
     world: RigidMotion
     palms: tuple[RigidMotion, ...]
 
     @classmethod
     def of(cls, world: RigidMotion, palms: tuple[RigidMotion, ...]) -> "Views":
-        """What is seen from those palms that were seen for long enough."""
+        """The views of a motion in the world and from palms that are seen long enough."""
         return cls(world, tuple(v for palm in palms if (v := world.as_seen_from(palm)).is_long))
 
     @property
     def every(self) -> tuple[RigidMotion, ...]:
-        """All views; the least noise counts, as a hand has noise of its own and adds to it."""
+        """All views. The least noise over views is the part's, since a palm's view adds the hand's
+        noise."""
         return self.world, *self.palms
 
     def limit(
         self, usual: float, changes: Callable[[RigidMotion], Float64[np.ndarray, " N"]]
     ) -> float:
-        """How much a step may differ from the one before, radians or metres: more than usual where
-        a palm moves so too."""
+        """Limit of the change between consecutive steps, radians or metres: `usual`, or more if a
+        palm shares larger changes."""
         world, found = changes(self.world), usual
         if SLACK * world.max(initial=0) <= usual:
             return usual

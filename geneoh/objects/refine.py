@@ -1,11 +1,11 @@
-"""The object's track beside clean hands (`--refine-object`), without what lasts of its noise.
+"""Refine the object's track with clean hands (`--refine-object`): remove drift of its poses.
 
-Drifting noise looks like motion, but an object moves for one reason only: a hand moves it. So the
-track and a drift of its observation are solved for together, by least squares over all frames:
-wherever drift alone may explain that the object does not seem to rest, in the world or in a hand,
-it rests there. A hand that holds it loosely has it back in the same grip
-(`geneoh.objects.holding`). How much of the noise drifts is told by `geneoh.objects.drift`. No pose
-is taken farther from the smooth track than its noise explains.
+Drift looks like motion, but an object moves only if a hand moves it. So the track and the drift of
+its observation are solved for jointly, by least squares over all frames: the object is made to rest
+in the world or in a hand wherever drift alone may explain its motion there. An object in a loose
+grip returns to the same pose in the hand (`geneoh.objects.holding`). The size of the drift is
+estimated by `geneoh.objects.drift`. No pose moves farther from the smooth track than its noise
+explains.
 """
 
 from collections.abc import Sequence
@@ -38,19 +38,19 @@ from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 FREE_DRIFT = 0.3
-"""Deviation of the drift where the object neither rests nor is held, in units of the noise: nothing
-tells it from motion there."""
-LARGEST = 3.0  # deviations of the noise by which a pose is moved from the smooth track at most
+"""Standard deviation of the drift where the object neither rests nor is held, in units of the
+noise: drift and motion cannot be distinguished there."""
+LARGEST = 3.0  # largest distance of a pose from the smooth track, standard deviations of the noise
 
 
 def refine_object(
     smooth: ObjectTrack, examined: ObjectExamination, hands: Sequence[HandTrack], fps: float
 ) -> ObjectTrack:
-    """The track of an object that moves with its hands or not at all; exact poses stay.
+    """The track without drift; exact poses are unchanged.
 
-    All poses of a part that was ever seen then count as observed, so that no reader fills any anew.
-    `smooth` is the cleaned track (`geneoh.objects.cleaning`) and `examined` what was found in the
-    given one; the hands are clean, with joints and pose.
+    All poses of a part that was ever seen become valid, so that no reader fills them again.
+    `smooth` is the cleaned track (`geneoh.objects.cleaning`) and `examined` the examination of the
+    input track; the hands are clean, with joints and pose.
     """
     if len(smooth.rotation) <= LAG + 1:
         return smooth
@@ -72,9 +72,9 @@ def refine_part(
     hands: Sequence[HandTrack],
     fps: float,
 ) -> tuple[Float64[np.ndarray, "T 3 3"], Track]:
-    """Rotations and translations of one part."""
+    """Refined rotations and translations of one part."""
     first, seen = poses_of(smooth, part), poses_of(examined.aligned, part)
-    # the noise was measured there
+    # the point at which the noise was measured
     center = steadiest(*seen, (symmetry_of(smooth.meshes[part]).center, np.zeros(3)))
     first, seen = ((turns, turns.apply(center) + places) for turns, places in (first, seen))
     confidence = examined.confidence[:, part].double().cpu().numpy()
@@ -124,7 +124,8 @@ def _resting(
     track: PartTrack,
     stay: float,
 ) -> tuple[Rotation, Track]:
-    """The turns and places of least energy, from `first` on, with steps that count ever less."""
+    """Rotations and positions of least energy, initialised with `first`, by iteratively reweighted
+    least squares; `stay` is the drift's correlation between neighbouring frames."""
     turns, places = first
     sizes = tuple(zip(track.noise, track.drift, strict=True))
     start = np.arange(len(places) - 1)
@@ -159,7 +160,8 @@ def _resting(
 
 
 def stillness(turned: np.ndarray, shifted: np.ndarray, size: float) -> Float64[np.ndarray, " N"]:
-    """1 where the steps around each one are none, in units of `size`; 0 where they are large."""
+    """Robust weight of rest, from 1 for zero steps around each one to 0 for large ones in units of
+    `size`."""
     units = np.square(shifted).mean(1) + np.square(turned / RADIANS_PER_METRE).mean(1)
     units = units / size**2
     return 1 / (1 + uniform_filter1d(units, WINDOW, mode="nearest")) ** 2
@@ -176,17 +178,17 @@ def solve(
     bend: np.ndarray,
     stiff: np.ndarray,
 ) -> Track:
-    """The track x of least energy beside the drift d of its observation.
+    """The track x of least energy, solved for jointly with the drift d of its observation.
 
     Args:
-        seen: x + d + white noise, with the `weight` of each frame.
-        sizes: deviations of the white noise and of the drift.
-        stay: share of the drift that stays from frame to frame.
-        loose: how much less the drift may be, in units of its precision.
-        held: for each hand, the points (T, 3) where x is by its grip, and their weights (T,).
-        moves: for each frame of reference, turns (N, 3, 3) and shifts (N, 3) by which x moves from
-            one frame to the next, and their weights (N,).
-        bend: second differences that x should have, with their weights `stiff`.
+        seen: observations x + d + white noise, with the `weight` of each frame.
+        sizes: standard deviations of the white noise and of the drift.
+        stay: correlation of the drift between neighbouring frames.
+        loose: additional precision of the drift in each frame, in units of its own.
+        held: for each hand, the target points (T, 3) of x by its grip, and their weights (T,).
+        moves: for each frame of reference, the rotations (N, 3, 3) and translations (N, 3) that
+            move a resting x from one frame to the next, and their weights (N,).
+        bend: target second differences of x, with weights `stiff`.
     """
     count = len(seen)
     one = sparse.csr_matrix(sparse.identity(count))
@@ -214,23 +216,23 @@ def solve(
 
 
 def each(values: np.ndarray) -> sparse.csr_matrix:
-    """Weights of frames as those of their three coordinates, on a diagonal."""
+    """Diagonal matrix of per-frame weights, repeated for three coordinates."""
     return sparse.csr_matrix(sparse.diags(np.repeat(values, 3)))
 
 
 def triple(matrix: sparse.csr_matrix) -> sparse.csr_matrix:
-    """A matrix over frames as one over their coordinates."""
+    """A matrix over frames, extended to three coordinates per frame."""
     return sparse.csr_matrix(sparse.kron(matrix, sparse.identity(3)))
 
 
 def path(turns: Rotation) -> Track:
-    """The steps of a rotation in world axes, added up, radians."""
+    """Cumulative sum of rotation steps in world axes, radians."""
     steps = (turns[1:] * turns[:-1].inv()).as_rotvec()
     return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
 
 
 def bounded(step: Track, noise: float, seen: Bool[np.ndarray, " T"]) -> Track:
-    """A change that takes no observed frame farther than noise explains."""
+    """The change `step`, limited in seen frames to `LARGEST` standard deviations of the noise."""
     length = np.linalg.norm(step, axis=1)
     share = np.minimum(1, LARGEST * 3**0.5 * noise / length.clip(1e-12))
     return np.where(seen, share, 1)[:, None] * step

@@ -1,12 +1,11 @@
-"""The low-pass filter by which an object and the hand that moves it differ, measured.
+"""Estimate the low-pass filter by which the tracks of an object and its moving hand differ.
 
-Many pipelines smooth the poses of an object, by a Kalman or a low-pass filter, and leave the hand
-as it is, or the other way round. What was filtered cuts every change of speed short, or comes late,
-and a hand that holds the object seems to move over it.
+Many pipelines smooth only the object's poses, by a Kalman or a low-pass filter, or only the hand.
+The filtered track is too smooth, or late, and a hand that holds the object seems to move over it.
 
 A low-pass filter whose kernel has the mean delay m and the variance v turns a motion x into f = x -
-m x' + (m² + v) / 2 x'' - ..., so that x is f + m f' + (m² - v) / 2 f'' - ... Both numbers follow by
-least squares from how far the palm is beside where the object would carry it.
+m x' + (m² + v) / 2 x'' - ..., so that x is f + m f' + (m² - v) / 2 f'' - ... Both m and v follow by
+least squares from the palm's displacement relative to a rigid grip of the object.
 """
 
 import math
@@ -22,33 +21,34 @@ from geneoh.objects.palms import RigidMotion
 from geneoh.sequence.sequence import ObjectTrack
 
 LEVER = 0.05
-"""Metres from the middle of the palm to the points that tell how it turns."""
+"""Distance from the centre of the palm to the points that represent its rotation, metres."""
 REACH = 0.12
-"""Metres from the box around a part to the middle of the palm up to which the hand may hold it."""
+"""Largest distance of the palm's centre from the bounding box of a held part, metres."""
 LASTING, JITTER = 0.4, 1 / 30
-"""Seconds, deviations of the Gaussians: what lasts longer than the first tells of no filter, and
-the second takes out white noise."""
+"""Standard deviations of the Gaussians of a band-pass filter, seconds: the first removes slow
+motion, which does not depend on the filter, and the second white noise."""
 BESIDE_GAPS = 0.1
-"""Seconds beside a gap of the hand that tell nothing, as the line that fills it is smooth."""
+"""Seconds beside a gap of the hand that are not used, because interpolation is smooth."""
 BLOCK, LEAST_BLOCKS, USED = 0.5, 3, 0.5
-"""Seconds of the blocks of which each is left out in turn, to see how sure the filter is; the least
-number of them; and the share of their frames that must tell something."""
+"""Jackknife: length of the blocks that are left out in turn, seconds; least number of blocks; and
+least share of usable frames in a block."""
 LEAST_VARIANCE, SURE, EXPLAINED = 0.0044, 2.5, 0.05
-"""Variance in seconds² from which on a filter counts, that of a Gaussian of two frames at 30 a
-second; that many standard errors from zero; and the share of the palm's motion over the object that
-it explains."""
+"""Conditions for a filter: least variance in seconds², that of a Gaussian of two frames at 30 a
+second; least number of standard errors from zero; and least share that it explains of the palm's
+motion over the object."""
 EARLY = 0.3
-"""Deviations of its kernel by which a filter may seem to come early: none does."""
+"""Largest apparent advance (negative delay) of a filter, in standard deviations of its kernel: real
+filters have none."""
 LEAST_LAG, LAGS = 0.025, (4.0, 0.05)
-"""The same of the delay of a filter that makes the hand late: least seconds, and least standard
-errors with the least share."""
+"""Conditions for the delay of a causal filter on the hand: least delay, seconds; and least number
+of standard errors with the least share that it explains."""
 LEAST_DELAY, LATE = 0.045, (5.0, 0.15)
-"""The same of a delay without a filter: of less, what the object tells of the hand is worth more
-than what the delay takes of it."""
-TOLD_DELAY = 0.02  # seconds of a filter's delay from which on it is told
+"""The same conditions for a delay without a filter. With a shorter delay, the object is still of
+more use for the hand than harm."""
+TOLD_DELAY = 0.02  # least delay of a filter that is reported, seconds
 LAG = 0.5
-"""Variance of a filter that comes late, in squares of its delay; that of the usual one, in which
-each frame counts by a constant share, is more than one."""
+"""Least variance of a causal filter in units of its squared delay; the usual exponential smoothing
+has more than one."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class LowPass:
     """Variance, seconds²."""
 
     def undone(self, values: Float[Tensor, "T ..."], fps: float) -> Float[Tensor, "T ..."]:
-        """The motion that was filtered, to second order."""
+        """The motion before filtering, to second order."""
         array = values.double().cpu().numpy()
         first, second = self.delay * fps, (self.delay**2 - self.variance) * fps**2 / 2
         sharp = array + first * rate(array) + second * rate(rate(array))
@@ -72,13 +72,13 @@ class LowPass:
         return f"as by a filter with a deviation of {1000 * self.variance**0.5:.0f} ms{late}"
 
     def __add__(self, other: "LowPass") -> "LowPass":
-        """One after the other."""
+        """The two filters in series."""
         return LowPass(self.delay + other.delay, self.variance + other.variance)
 
 
 @dataclass(frozen=True)
 class Found:
-    """The filter that one of two motions seems to have gone through and the other not."""
+    """Estimate of the filter that was applied to one of two motions and not to the other."""
 
     filter: LowPass
     delay_error: float
@@ -86,39 +86,39 @@ class Found:
     variance_error: float
     """Standard error of its variance, seconds²."""
     explained: float
-    """Share of the squares of the palm's motion over the part that it explains."""
+    """Share of the sum of squares of the palm's motion over the part that it explains."""
 
     @property
     def is_wide(self) -> bool:
-        """Whether its kernel is wide for sure."""
+        """Whether the kernel's variance is significant."""
         least = max(LEAST_VARIANCE, SURE * self.variance_error)
         wide = self.filter.variance > least and self.explained > EXPLAINED
         return wide and self.filter.delay > -EARLY * math.sqrt(self.filter.variance)
 
     def is_late(self, least: float, errors: float, explained: float) -> bool:
-        """Whether one motion comes that much later or earlier than the other, seconds, by so many
-        standard errors, and that explains such a share of the palm's motion over the part."""
+        """Whether the delay, late or early, is at least `least` seconds and `errors` standard
+        errors, and explains at least the share `explained` of the palm's motion over the part."""
         late = abs(self.filter.delay) > max(least, errors * self.delay_error)
         return late and self.explained > explained
 
     @property
     def breadth(self) -> float:
-        """Variance in squares of the delay."""
+        """Variance in units of the squared delay."""
         return self.filter.variance / max(self.filter.delay**2, 1e-12)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How a part of an object moves beside a palm near to it."""
+    """Comparison of the motions of an object part and of a palm near it."""
 
     of_part: Found
-    """What the part went through and the palm did not, by the rates of the part."""
+    """Filter of the part relative to the palm, by regression on the part's derivatives."""
     of_palm: Found
-    """What the palm went through and the part did not, by the rates of the palm."""
+    """Filter of the palm relative to the part, by regression on the palm's derivatives."""
 
     @property
     def filter_of_part(self) -> LowPass | None:
-        """The filter that the part went through; None for none."""
+        """The filter that was applied to the part; None if not significant."""
         one, other = self.of_part, self.of_palm
         late = one.is_late(LEAST_LAG, *LATE) and one.filter.delay > 0 > other.filter.delay
         lags = late and one.breadth > LAG and other.breadth < -LAG
@@ -126,10 +126,10 @@ class Comparison:
 
     @property
     def filter_of_palm(self) -> LowPass | None:
-        """The filter that the hand went through; None for none.
+        """The filter that was applied to the hand; None if not significant.
 
-        A hand that moves over the part by itself hides its own filter from its own rates. Then
-        those of the part tell it, as less than it is.
+        A hand that also moves over the part hides its filter in the regression on its own
+        derivatives. Then the estimate from the part's derivatives is used, which is too small.
         """
         one, other = self.of_palm, self.of_part
         late = other.is_late(LEAST_LAG, *LAGS) and one.filter.delay > 0 > other.filter.delay
@@ -141,20 +141,20 @@ class Comparison:
 
     @property
     def delay(self) -> LowPass | None:
-        """The delay, negative where the part comes early, of which nothing tells whose it is; None
-        for none."""
+        """A pure delay of the part relative to the palm, negative if the part is early; either of
+        the tracks may be wrong. None if not significant."""
         filtered = self.filter_of_part is not None or self.filter_of_palm is not None
         late = self.of_part.is_late(LEAST_DELAY, *LATE) and abs(self.of_part.breadth) < LAG
         return self.of_part.filter if late and not filtered else None
 
 
 def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:
-    """How a part moves beside a palm; None where too little of either moves to tell."""
+    """Compare a part with a palm; None if there is too little motion of either."""
     if len(motion.rotation) < LEAST_BLOCKS * round(BLOCK * fps):
         return None
     blocks = products(motion, part, palm, fps)
     of_part = solved(blocks[:, :3, :3], fps)
-    # beside the palm the part is the other way, and the palm's rates count
+    # exchange the roles of palm and part: the displacement changes sign, the palm's rates are used
     other_way, by_palm = np.diag([-1.0, 1.0, 1.0]), [0, 3, 4]
     of_palm = solved(other_way @ blocks[:, by_palm][:, :, by_palm] @ other_way, fps)
     return None if of_part is None or of_palm is None else Comparison(of_part, of_palm)
@@ -163,8 +163,9 @@ def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> C
 def products(
     motion: ObjectTrack, part: int, palm: RigidMotion, fps: float
 ) -> Float64[np.ndarray, "B 5 5"]:
-    """Sums of products, for each block of frames, of how far the palm is from where the part would
-    carry it, of the first two rates of the part's motion there, and of those of the palm's."""
+    """Gram matrices of five variables over each block of frames: the palm's displacement relative
+    to a rigid grip, the first two time derivatives of the part's motion there, and the first two of
+    the palm's motion."""
     turns = motion.rotation[:, part].double().cpu().numpy()
     places = motion.translation[:, part].double().cpu().numpy()[:, None]
     tips = np.concatenate([np.zeros((1, 3)), LEVER * np.eye(3)])
@@ -189,8 +190,8 @@ def products(
 
 
 def solved(blocks: Float64[np.ndarray, "B 3 3"], fps: float) -> Found | None:
-    """The filter by all blocks in which something moves, and how sure it is by leaving out each in
-    turn (the jackknife)."""
+    """The filter by least squares over all blocks with motion, with standard errors by the
+    jackknife; None for too few blocks."""
     blocks = blocks[np.trace(blocks[:, 1:, 1:], axis1=1, axis2=2) > 0]
     if len(blocks) < LEAST_BLOCKS:
         return None
@@ -205,7 +206,7 @@ def solved(blocks: Float64[np.ndarray, "B 3 3"], fps: float) -> Found | None:
 
 
 def solution(total: Float64[np.ndarray, "3 3"], fps: float) -> tuple[LowPass, float]:
-    """The filter by least squares, and the share of the squares that it explains."""
+    """The filter by least squares, and the share of the sum of squares that it explains."""
     first, second = np.linalg.lstsq(total[1:, 1:], total[1:, 0], rcond=1e-9)[0]
     explained = (first * total[1, 0] + second * total[2, 0]) / max(total[0, 0], 1e-12)
     found = LowPass(float(first) / fps, float(first**2 - 2 * second) / fps**2)
@@ -213,5 +214,5 @@ def solution(total: Float64[np.ndarray, "3 3"], fps: float) -> tuple[LowPass, fl
 
 
 def rate(values: Float64[np.ndarray, "T ..."]) -> Float64[np.ndarray, "T ..."]:
-    """Change in a frame."""
+    """Time derivative, per frame."""
     return np.gradient(values, axis=0)

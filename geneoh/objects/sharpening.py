@@ -1,7 +1,7 @@
-"""A filter that the object's track or the hand's went through, and not the other's, undone.
+"""Undo a low-pass filter that was applied to only one of the hand's and the object's track.
 
-The smoother of the two is the one that was filtered (`geneoh.objects.relative_filter`). A delay
-alone does not tell which of them comes late: there the object is relied on less.
+The smoother of the two tracks was filtered (`geneoh.objects.relative_filter`). A pure delay does
+not show which of them is late: then the object's poses get a lower reliability instead.
 """
 
 from collections.abc import Iterable
@@ -24,25 +24,25 @@ from geneoh.sequence.resample import hand_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 ROUNDS = 3
-"""How often what is left of a filter is looked for in the sharpened track again."""
+"""Iterations: the remaining filter is estimated again in the sharpened track."""
 LONG = 0.1
-"""Seconds of a delay from which on `geneoh.objects.relative_filter` may take it for a filter."""
+"""Delay in seconds above which `geneoh.objects.relative_filter` may mistake it for a filter."""
 LEFT, AROUND = 0.4, 0.1
-"""Share of a correction by which the sharpened track is still off, 0.3 to 0.5 for Gaussian filters
-of three and six frames at 30 a second, less for filters that come late; and deviation in seconds of
-the Gaussian over the frames around one."""
+"""Remaining error of the sharpened track as a share of the correction, 0.3 to 0.5 for Gaussian
+filters of three and six frames at 30 a second and less for causal filters; and standard deviation
+in seconds of the Gaussian over which it is averaged."""
 
 
 @dataclass(frozen=True)
 class Sharpened:
-    """Hands and object without the filters that one of them went through."""
+    """Hands and object after filters were undone."""
 
     hands: tuple[HandTrack, ...]
     object: ObjectTrack
     off: Float[Tensor, "T Q"]
-    """How far each pose of the object may still be off, metres."""
+    """Expected remaining error of each pose of the object, metres."""
     notes: tuple[str, ...]
-    """What a user should know of it."""
+    """Sentences for the user."""
 
 
 def sharpened(
@@ -53,12 +53,12 @@ def sharpened(
     examined: ObjectExamination,
     fps: float,
 ) -> Sharpened:
-    """Hands and object without the filters that one of them went through and the other did not.
+    """Undo filters that were applied to only one of hand and object.
 
-    Parts whose own track is noisy stay as they are, and tell nothing of hands: they were smoothed
-    because of that. `motion` is the track after cleaning (`geneoh.objects.cleaning`), and `palms`
-    are those of the hands. `delays` are the frames by which hands seem to come later than what they
-    hold; where these are many and hands without them differ from it by no filter, none is undone.
+    Parts with a noisy track are neither changed nor used, because cleaning has smoothed them.
+    `motion` is the track after cleaning (`geneoh.objects.cleaning`), and `palms` are the palms of
+    `hands`. `delays` are the estimated delays of the hands relative to the object, frames; if a
+    long delay explains the whole difference, no filter is undone for that hand.
     """
     parts = [part for part in motion.seen_parts if not bool(examined.is_noisy[part])]
     notes, sharp, moved = list[str](), list[HandTrack](), list[RigidMotion]()
@@ -84,7 +84,7 @@ def sharpened(
 def only_late(
     hand: HandTrack, delay: int, motion: ObjectTrack, parts: list[int], fps: float
 ) -> bool:
-    """Whether hand and object differ by no filter once the hand comes `delay` frames earlier."""
+    """Whether no filter is found between hand and object after removal of the hand's `delay`."""
     palm = palm_of(hand_earlier(hand, delay))
     every = [found for part in parts if (found := compared(motion, part, palm, fps))]
     return all(found.filter_of_palm is None is found.filter_of_part for found in every)
@@ -93,7 +93,7 @@ def only_late(
 def sharpened_hand(
     hand: HandTrack, palm: RigidMotion, motion: ObjectTrack, parts: list[int], fps: float
 ) -> tuple[HandTrack, RigidMotion, LowPass | None]:
-    """A hand and its palm without the filter that they went through, and it; None for none."""
+    """A hand and its palm with their filter undone, and this filter; None if there is none."""
     whole = None
     for _ in range(ROUNDS):
         every = filter(None, (compared(motion, part, palm, fps) for part in parts))
@@ -112,8 +112,9 @@ def sharpened_part(
     fps: float,
     late: LowPass | None = None,
 ) -> tuple[ObjectTrack, Float[Tensor, " T"], list[str]]:
-    """The track without the filter that a part went through, how far its poses may still be off,
-    metres, and what is to be said. `late` is its delay beside a hand that holds it, if known."""
+    """The track with the filter of one part undone, the expected remaining error of its poses,
+    metres, and sentences for the user. `late` is the part's delay relative to a hand, if known. In
+    case of such a delay the track is unchanged, and the error is the displacement by the delay."""
 
     def best(motion: ObjectTrack) -> Comparison | None:
         every = filter(None, (compared(motion, part, palm, fps) for palm in palms))
@@ -137,7 +138,7 @@ def sharpened_part(
 def without_filter_of_part(
     motion: ObjectTrack, part: int, found: LowPass, fps: float
 ) -> ObjectTrack:
-    """The track with a filter undone in one part."""
+    """The track with a filter of one part undone."""
     rotation, translation = motion.rotation.clone(), motion.translation.clone()
     rotation[:, part] = nearest_rotations(found.undone(rotation[:, part], fps))
     translation[:, part] = found.undone(translation[:, part], fps)
@@ -145,7 +146,7 @@ def without_filter_of_part(
 
 
 def without_filter_of_hand(hand: HandTrack, found: LowPass, fps: float) -> HandTrack:
-    """The hand with a filter undone, in its gaps after they were filled."""
+    """The hand with a filter undone, after its gaps were filled."""
     undone = partial(found.undone, fps=fps)
 
     def turned(pose: Tensor) -> Tensor:
@@ -156,7 +157,8 @@ def without_filter_of_hand(hand: HandTrack, found: LowPass, fps: float) -> HandT
 
 
 def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Float[Tensor, " T"]:
-    """Root mean square distance of a part's vertices in two tracks around each frame, metres."""
+    """Root mean square distance of a part's vertices between two tracks, smoothed over time,
+    metres."""
     apart = placed_vertices(other, part) - placed_vertices(one, part)
     squares = apart.square().sum(-1).mean(1).cpu().numpy()
     around = gaussian_filter1d(squares, AROUND * fps, mode="nearest")
@@ -164,7 +166,7 @@ def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Flo
 
 
 def of_part(name: str, found: LowPass) -> str:
-    """What a user should know of the filter of a part that was undone."""
+    """Sentence for the user about a part whose filter was undone."""
     return (
         f"the poses of {name} are smoother than the hand that moves it, {found}: the hand was "
         "cleaned against a sharpened track of it, which --refine-object writes; --trust-object "
@@ -173,7 +175,7 @@ def of_part(name: str, found: LowPass) -> str:
 
 
 def of_hand(hand: HandTrack, found: LowPass) -> str:
-    """What a user should know of the filter of a hand that was undone."""
+    """Sentence for the user about a hand whose filter was undone."""
     return (
         f"the {hand.side} hand is smoother than the object that it moves, {found}, which was "
         "undone before the cleaning; --trust-object keeps to the given hand"
@@ -181,7 +183,7 @@ def of_hand(hand: HandTrack, found: LowPass) -> str:
 
 
 def out_of_time(name: str, found: LowPass, fps: float) -> str:
-    """What a user should know of a delay that may be that of the hand or of a part."""
+    """Sentence for the user about a delay between hand and part, which either may have."""
     late = "late" if found.delay > 0 else "early"
     return (
         f"{name} comes {1000 * abs(found.delay):.0f} ms {late} beside the hand that moves it, and "

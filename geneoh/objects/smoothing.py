@@ -1,9 +1,9 @@
-"""Robust smoothing of one rigid part's track: what is constant acceleration, up to noise, stays.
+"""Robust smoothing of the pose track of one rigid part.
 
-The smooth track minimises the squared distance to the observed one, in units of its noise, plus its
-squared second differences, in units of how much the part accelerates around each frame. Errors have
-heavy tails (Student's t), by iteratively reweighted least squares; the accelerations are estimated
-again after each solve, so that a part that rests is held still and one that is swung keeps moving.
+The smooth track minimises the squared residuals, in units of the noise, plus the squared second
+differences, in units of the part's local acceleration. Residuals follow Student's t, by iteratively
+reweighted least squares. The local accelerations are estimated again after each solve, so that a
+resting part becomes still and a swung part keeps its motion.
 """
 
 from collections.abc import Callable
@@ -17,17 +17,17 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
-CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal numbers
-FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of five deviations count a tenth
+CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
+FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of 5 standard deviations weigh 0.1
 ITERATIONS = 6
 ROTATION_ROUNDS = 6
 WINDOW = 9  # frames over which accelerations are averaged
-LEAST_ACCELERATION = 0.05  # of a resting part, in units of the noise: conditions the system
-FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3  # the same for the first, noisy track
-MEDIAN_FRAMES = 5  # frames of the median that the first weights are taken from
-MOTION = 0.7  # share of the noise by fourth differences below which that by eighth ones is taken
+LEAST_ACCELERATION = 0.05  # floor of the acceleration in units of the noise, for conditioning
+FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3  # window and floor for the initial, noisy track
+MEDIAN_FRAMES = 5  # window of the median filter for the initial weights, frames
+MOTION = 0.7  # use eighth differences if they show less than this share of the fourth ones' noise
 LEAST_FRAMES = 16  # frames below which eighth differences are too few
-Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # from many lengths to one
+Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # reduces many lengths to one
 
 
 def noise_level(
@@ -35,13 +35,12 @@ def noise_level(
     seen: Bool[np.ndarray, " T"] | None = None,
     summary: Summary = np.median,
 ) -> float:
-    """Deviation of white noise per coordinate of a track, from its differences.
+    """Standard deviation of white noise per coordinate of a track, from temporal differences.
 
-    Of order k they have C(2k, k) times the variance of the noise, and smooth motion hardly any.
-    Fourth differences tell it, but where eighth ones, in which there is less of fast motion, are so
-    much smaller that the fourth are mostly motion. The median does not see jumps; `summary` may be
-    another one of the lengths of the differences. Frames that are not `seen` count only where no
-    others are in a row.
+    Differences of order k have C(2k, k) times the variance of the noise and little smooth motion.
+    Fourth differences are used, unless eighth ones, which contain less fast motion, show clearly
+    less noise. `summary` reduces the lengths of the differences; the median ignores jumps.
+    Differences over frames that are not `seen` are used only if there are no others.
     """
     seen = np.ones(len(track), dtype=bool) if seen is None else seen
 
@@ -57,25 +56,25 @@ def noise_level(
 
 
 def in_a_row(kept: Bool[np.ndarray, " T"], count: int) -> Bool[np.ndarray, " N"]:
-    """Whether so many frames from each on are kept, and everywhere where they never are."""
+    """Whether `count` frames from each frame on are all kept; all true if that never happens."""
     whole = np.asarray(sliding_window_view(kept, count).all(1))
     return whole if whole.any() else ~whole
 
 
 def increments(rotations: Rotation) -> Float64[np.ndarray, "N 3"]:
-    """Turn from each frame to the next in the part's own frame, axis-angle in radians."""
+    """Rotation from each frame to the next in the part's own frame, axis-angle in radians."""
     return (rotations[:-1].inv() * rotations[1:]).as_rotvec()
 
 
 def path_of(rotations: Rotation) -> Float64[np.ndarray, "T 3"]:
-    """The turns from frame to frame added up, radians: a path in a plane space."""
+    """Cumulative sum of the `increments`, radians: a vector path that can be smoothed."""
     return np.concatenate([np.zeros((1, 3)), np.cumsum(increments(rotations), axis=0)])
 
 
 def interpolated(
     track: Float64[np.ndarray, "T D"], known: Bool[np.ndarray, " T"]
 ) -> Float64[np.ndarray, "T D"]:
-    """A track whose frames that are not `known` lie on straight lines between those that are."""
+    """A track with frames that are not `known` replaced by linear interpolation."""
     frames, index = np.arange(len(track)), np.flatnonzero(known)
     return np.stack([np.interp(frames, index, x[index]) for x in track.T], axis=1)
 
@@ -83,14 +82,14 @@ def interpolated(
 def smooth_points(
     observed: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
 ) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
-    """The smooth track of a point, and the weight that each frame had in it, 0 to 1.
+    """The smooth track of a point, and the weight of each frame in it, 0 to 1.
 
-    Two frames or more are `trusted`; `noise` is the deviation of their coordinates, in the unit of
-    these.
+    At least two frames must be `trusted`; `noise` is the standard deviation per coordinate, in the
+    unit of `observed`.
     """
     track = interpolated(observed, trusted)
     filled = np.where(trusted[:, None], observed, track)
-    # medians do not see outliers, which would pass for acceleration
+    # medians ignore outliers, which would be taken for acceleration
     raw = median_filter(np.square(np.diff(track, n=2, axis=0)).sum(1), FIRST_WINDOW)
     excess = raw / CHI3_MEDIAN**2 - comb(4, 2) * noise**2
     variance = excess.clip(0) + (FIRST_ACCELERATION * noise) ** 2
@@ -106,7 +105,7 @@ def smooth_points(
 def _weights(
     off: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
 ) -> Float64[np.ndarray, " T"]:
-    """Student's t: how much a frame counts that is so far off the track."""
+    """Weights of frames by Student's t, from their residuals `off`."""
     return trusted * (FREEDOM + 3) / (FREEDOM + np.square(off).sum(1) / noise**2)
 
 
@@ -115,7 +114,7 @@ def _solve(
     weight: Float64[np.ndarray, " T"],
     stiffness: Float64[np.ndarray, " N"],
 ) -> Float64[np.ndarray, "T 3"]:
-    """Least squares with weighted observations and weighted second differences."""
+    """Least squares with observations of given `weight` and second differences of `stiffness`."""
     upper = np.zeros((3, len(observed)))
     upper[2] = weight
     for shift, share in ((0, 1.0), (1, 4.0), (2, 1.0)):
@@ -129,10 +128,10 @@ def _solve(
 def smooth_rotations(
     observed: Rotation, trusted: Bool[np.ndarray, " T"], noise: float
 ) -> tuple[Rotation, Float64[np.ndarray, " T"]]:
-    """The smooth track of a rotation, and the weight that each frame had in it, 0 to 1.
+    """The smooth track of a rotation, and the weight of each frame in it, 0 to 1.
 
-    The increments of the present estimate, added up, are a path in a plane space; the observed
-    deviations from the estimate are smoothed along it, and the estimate moves by what is left.
+    The residuals of the current estimate (axis-angle) are added to its `path_of`, a vector path,
+    which is smoothed as points are; the estimate is updated by the difference, iteratively.
     """
     index = np.flatnonzero(trusted)
     times = np.arange(len(trusted)).clip(index[0], index[-1])

@@ -1,5 +1,5 @@
-"""Rotations of a mesh onto itself: the ambiguity that a pose estimator cannot resolve, which turns
-a nearly symmetric object (a bottle, a box, a ball) by any of them from one frame to the next."""
+"""Rotational symmetry of a mesh: pose estimators cannot resolve it, and flip a nearly symmetric
+object (a bottle, a box, a ball) by a symmetry rotation from one frame to the next."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,15 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
 
-SAMPLES = 256  # surface points that are turned and compared with the surface
+SAMPLES = 256  # surface points that are rotated and compared with the surface
 TOLERANCE = 0.03
-"""Mean distance of the turned points to the surface, as a share of their mean distance to the axis,
-up to which an object counts as symmetric."""
-ORDERS = (2, 3, 4, 5, 6)  # of finite rotations that are tried: half a turn, a third of a turn, ...
+"""Largest mean distance of rotated points to the surface of a symmetric object, as a share of their
+mean distance to the axis."""
+ORDERS = (2, 3, 4, 5, 6)  # tested orders of finite rotational symmetry
 REVOLUTION_TURNS = (0.37, 1.0, 1.9, 2.6)
-"""Angles in radians under which a solid of revolution must stay on itself; no common fractions."""
-SAME_AXIS = 0.9  # cosine between two axes of symmetry from which on they are taken for one
-STEPS = 72  # turns of a full circle in which a rotation about an axis of revolution is looked for
+"""Angles in radians that test a solid of revolution; no simple fractions of a full turn."""
+SAME_AXIS = 0.9  # cosine between two axes of symmetry above which they count as the same
+STEPS = 72  # discretisation of rotations about an axis of revolution, steps per full turn
 
 
 @dataclass(frozen=True)
@@ -28,19 +28,17 @@ class Symmetry:
     """Rotations about `center` that map a mesh onto itself, up to the tolerance."""
 
     center: Float64[np.ndarray, " 3"]
-    """Fixed point of all rotations in the mesh's frame, metres; where the identity is the only one,
-    the middle of the bounding box."""
+    """Fixed point of all rotations in the mesh's frame, metres; without a symmetry, the centre of
+    the bounding box."""
     rotations: Float64[np.ndarray, "S 3 3"]
-    """Rotations of the mesh onto itself, the identity first; a solid of revolution has one for each
-    step of a full circle."""
-    is_ball: bool = False  # every rotation maps it onto itself; `rotations` has the identity alone
+    """Symmetry rotations, the identity first; `STEPS` about an axis of revolution."""
+    is_ball: bool = False  # every rotation is a symmetry; `rotations` has the identity alone
 
     def nearest(
         self, rotation: Float64[np.ndarray, "3 3"], wanted: Float64[np.ndarray, "N 3 3"]
     ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, " N"]]:
-        """The equivalent of one rotation that is nearest to each wanted one: the rotation of the
-        mesh onto itself to apply before it, and the angle that is left to the wanted one,
-        radians."""
+        """For each wanted rotation R, the symmetry rotation S for which `rotation` @ S is nearest
+        to R, and the remaining angle, radians."""
         if self.is_ball:
             return rotation.T @ wanted, np.zeros(len(wanted))
         traces = np.einsum("nij,ik,skj->ns", wanted, rotation, self.rotations)
@@ -57,7 +55,7 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
     around = points - center
 
     def misfit(axis: np.ndarray, *angles: float) -> float:
-        """How far the surface is from itself after turns about an axis, in units of `TOLERANCE`."""
+        """Distance of the rotated to the original surface, in units of `TOLERANCE`."""
         lever = float(np.linalg.norm(np.cross(around, axis), axis=1).mean())
         turns = Rotation.from_rotvec(np.outer(angles, axis))
         moved = np.stack([turn.apply(around) for turn in turns]) + center
@@ -75,19 +73,19 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
                 finite += [Rotation.from_rotvec(angle * axis) for angle in angles]
     steps = 2 * np.pi * np.arange(STEPS) / STEPS if revolution else np.zeros(1)
     axis = revolution[0] if revolution else np.zeros(3)
-    # across an axis of revolution one half turn makes all others
+    # half turns across an axis of revolution follow from one of them
     group = finite[:2] if revolution else finite
     rotations = closure(group, [Rotation.from_rotvec(step * axis) for step in steps])
     return Symmetry(center if len(rotations) > 1 else box_center(surface.mesh), rotations)
 
 
 def box_center(mesh: Mesh) -> Float64[np.ndarray, " 3"]:
-    """The middle of a mesh's bounding box, metres."""
+    """The centre of a mesh's bounding box, metres."""
     return (mesh.verts.amax(0) + mesh.verts.amin(0)).double().cpu().numpy() / 2
 
 
 def _distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:
-    """The axes with a misfit below 1, the best of those that are nearly the same."""
+    """The axes with a misfit below 1; of nearly equal axes, the best one."""
     found: list[np.ndarray] = []
     for index in np.argsort(misfits):
         is_new = all(abs(axes[index] @ other) < SAME_AXIS for other in found)
@@ -97,8 +95,8 @@ def _distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np
 
 
 def area_moments(mesh: Mesh) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, "A 3"]]:
-    """The middle of a surface by area, and axes that may be ones of symmetry: axes of inertia, or
-    any where two moments are equal, so those of the mesh's own frame are tried as well."""
+    """The area centroid of a surface, and candidate axes of symmetry: the axes of inertia, and the
+    axes of the mesh's frame, because equal moments leave the axes of inertia undetermined."""
     corners = mesh.corners().double().numpy()
     areas = mesh.face_vectors().double().norm(dim=-1).numpy() / 2
     center = np.average(corners.mean(1), axis=0, weights=areas)
@@ -110,7 +108,7 @@ def area_moments(mesh: Mesh) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndar
 
 
 def closure(finite: list[Rotation], circle: list[Rotation]) -> Float64[np.ndarray, "S 3 3"]:
-    """Products of two rotations of a finite group with those of a circle, each once."""
+    """Distinct products of two finite rotations and one rotation of a circle."""
     group = np.stack([turn.as_matrix() for turn in finite])
     both = np.einsum("aij,bjk->abik", group, group).reshape(-1, 3, 3)
     turns = np.stack([turn.as_matrix() for turn in circle])

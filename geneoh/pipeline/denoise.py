@@ -1,4 +1,4 @@
-"""From a noisy interaction to a clean one: the whole pipeline in one place."""
+"""The whole cleaning pipeline, from a noisy interaction to a clean one."""
 
 import logging
 from collections.abc import Iterable
@@ -59,13 +59,14 @@ def denoise(
         result = geneoh.denoise(sequence, preset="fast")
         result = geneoh.denoise("noisy.npz", obj="mesh.obj")
 
-    The stages know right hands at 30 frames a second only: left hands are mirrored and other rates
-    resampled here and back. They see the hand from the object, so an object whose poses shake or
-    jump is cleaned first (`geneoh.objects.cleaning`), and a filter that one of hand and object went
-    through is undone (`geneoh.objects.sharpening`); the report is measured against that object. The
-    same input, options and seed give the same result. The work is done on `options.device`; the
-    result is on the device of the sequence. What is doubtful about the input is logged as a warning
-    before the work. The caller's random state and modes of torch are neither used nor changed.
+    The stages process right hands at 30 frames a second only: left hands are mirrored and other
+    frame rates resampled, and the result is converted back. The stages see the hand in the object
+    frame, so noisy or jumping object poses are cleaned first (`geneoh.objects.cleaning`), and a
+    low-pass filter that was applied to only one of hand and object is undone
+    (`geneoh.objects.sharpening`); the report is measured against that object. The same input,
+    options and seed give the same result. The work is done on `options.device`; the result is on
+    the device of the sequence. Doubts about the input are logged as warnings before the work. The
+    caller's random state and torch modes are neither used nor changed.
 
     Args:
         sequence: up to two hands and an object with its meshes, in metres, or the npz file of it.
@@ -73,14 +74,14 @@ def denoise(
             notes say so.
         options: the settings; the default preset without them.
         obj: mesh file of the object, or one per rigid part, where `sequence` brings none.
-        on_progress: called with the stage ("motion", "spatial", "temporal" or "fit") and its steps
-            done and in all; both hands of a sequence go through the stages one after the other.
+        on_progress: called with the stage ("motion", "spatial", "temporal" or "fit"), the number
+            of its steps that are done and their total; two hands are cleaned one after the other.
         settings: fields of `Options` by name, such as preset="fast", instead of those of `options`.
 
     Raises:
-        InputError: the numbers of the sequence can be no interaction.
+        InputError: the sequence cannot be a hand-object interaction.
         ConfigError: an option does not exist, is out of range, or names no device of this machine.
-        MissingAssetError: a MANO hand is asked for and there is no MANO file.
+        MissingAssetError: a MANO hand is requested and there is no MANO file.
         CheckpointError: the folder of weights holds no weights of this version, or damaged ones.
     """
     options = with_settings(options, settings)
@@ -108,7 +109,7 @@ def denoise(
 
 
 def with_one_shape(sequence: Sequence, options: Options) -> Sequence:
-    """The sequence whose hands with keypoints have the betas that fit those of all frames."""
+    """The sequence with betas fitted over all frames, for each hand that has keypoints."""
     subjects = {
         hand.side: subject_of(hand.track, _model(hand, options))
         for hand in normalised_hands(sequence)
@@ -170,7 +171,7 @@ def _fitted(
     run: HandRun,
     options: Options,
 ) -> list[FittedHand]:
-    """Each hand after its fit, on the device of the options; see `HandRun.fitted`."""
+    """Each hand after its fit, on `options.device`; see `HandRun.fitted`."""
     tracks = {hand.side: hand.track for hand in told}
     fitted: list[FittedHand] = []
     for hand in hands:
@@ -181,7 +182,7 @@ def _fitted(
 
 
 def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> HandResult:
-    """The result of a normalised hand in the frames, the side and the place of the given track."""
+    """The result of a normalised hand at the frame rate, side and position of the input track."""
     result = result.to(given.valid.device)
     return replace(
         result,
@@ -194,7 +195,7 @@ def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> Han
 
 
 def _model(hand: NormalisedHand, options: Options) -> HandModel:
-    """The model of whose hand it is, as a right one."""
+    """The hand model of a normalised hand, as a right hand."""
     model = hand_of_betas(
         hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
     )

@@ -1,4 +1,4 @@
-"""Hands after their own fits: two of them are taken out of each other, then each is measured."""
+"""Hands after the fit: remove penetration between two hands, then measure each hand."""
 
 from dataclasses import dataclass, replace
 
@@ -27,26 +27,27 @@ from geneoh.pipeline.touch import REACH, finger_contact
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
 
-FELT = 20  # frames around those with hands inside each other that are fitted anew with them
-ROUNDS = 2  # in each, a hand leaves the skin that the other one had before the round
+FELT = 20  # frames around those with penetration that are fitted again with them
+ROUNDS = 2  # in each, both hands move out of the other hand's surface before the round
 
 
 @dataclass(frozen=True)
 class FittedHand:
-    """What is known of one normalised hand after its stages and its fit."""
+    """One normalised hand after the stages and the fit, right-handed."""
 
     hand: NormalisedHand
     subject: Subject
-    given: HandState  # the input as hand parameters, before anything was undone in it
-    given_joints: Float[Tensor, "T 21 3"]  # the keypoints of the input
+    given: HandState  # pose parameters of the input, before a filter was undone in it
+    given_joints: Float[Tensor, "T 21 3"]  # keypoints of the input
     preset: Preset
     surface: MovingSurface | None
     near: Float[Tensor, " T"]
-    """How far the hand deals with the object, 0 to 1; `poses` is how far its poses are right."""
+    """Degree to which the hand interacts with the object, 0 to 1."""
     poses: Float[Tensor, " T"]
+    """Reliability of the object's poses, 0 to 1."""
     samples: Float[Tensor, "S T 21 3"]
     chosen: int
-    target: Float[Tensor, "1 T 21 3"]  # what the hand was fitted to
+    target: Float[Tensor, "1 T 21 3"]  # keypoints that the hand was fitted to
     state: HandState
     shaped: ShapedHand
     betas: Float[Tensor, " K"]
@@ -58,32 +59,32 @@ class FittedHand:
         return self.near * self.poses
 
     def joints(self) -> Float[Tensor, "T 21 3"]:
-        """Keypoints of the result, metres, in the frame of the hand: the model's, and where the
-        input is keypoints alone those that it has on the hand, but not for the paper's fit."""
+        """Keypoints of the result, metres, in the frame of `state`: the hand model's or, if the
+        input has keypoints alone, those of the tracker's own skeleton (not for the paper's fit)."""
         state, shaped, fit = self.state, self.shaped, self.preset.fit
         if self.subject.start is not None or not isinstance(fit, FitConfig):
             return state.joints(shaped)[0]
         free = state
         trust = torch.ones_like(self.target[..., 0])
-        if self.surface is not None and self.preset.contact:  # contact is no part of the skeleton
+        if self.surface is not None and self.preset.contact:  # contact would bias the skeleton
             config = replace(fit, contact_rounds=0)
             free = fit_hand(self.target, trust, shaped, state, config=config)
         return own_skeleton(free, self.target[0], trust[0], shaped).posed(state)[0]
 
     def skin(self, frames: slice, *, given: bool = False) -> ChangingSurface:
-        """The skin of the result in some frames of the world, in which the hand may be a left one;
-        or of the input where that was `given`."""
+        """The hand's surface in some frames, world frame, mirrored back for a left hand: of the
+        result or, with `given`, of the input."""
         shaped, state = (self.subject.shaped, self.given) if given else (self.shaped, self.state)
         state = state[frames]
         return self.seen(ChangingSurface(state.verts(shaped)[0], shaped.model.faces))
 
     def seen(self, skin: ChangingSurface) -> ChangingSurface:
-        """A skin of the world as this hand sees it, and back."""
+        """A surface, mirrored if this hand is (its own inverse)."""
         return skin.mirrored() if self.hand.mirrored else skin
 
     def leaving(self, other: ChangingSurface, frames: slice, kept: slice) -> "FittedHand":
-        """The hand fitted anew in some frames, of which those `kept` change, half the way out of
-        another one's skin."""
+        """The hand fitted again in some frames to correct half of its penetration of the other
+        hand; only the frames `kept` (relative to `frames`) change."""
         assert isinstance(self.preset.fit, FitConfig), "hands are fitted by least squares"
         target = self.target[:, frames]
         surface = self.surface if self.preset.contact else None
@@ -102,7 +103,7 @@ class FittedHand:
         return replace(self, state=concatenated([before, found, after]))
 
     def result(self) -> HandResult:
-        """The hand's track and what is measured of it."""
+        """The hand's track and its measures."""
         fps, state, shaped, subject = self.hand.fps, self.state, self.shaped, self.subject
         joints = self.joints()
         several = len(self.samples) > 1
@@ -138,7 +139,7 @@ class FittedHand:
 
 @torch.no_grad()
 def kept_apart(hands: list[FittedHand]) -> tuple[list[FittedHand], tuple[float, float] | None]:
-    """Two hands that are not inside each other, which stay as they are where they only touch; and
+    """The hands without penetration between two of them, unchanged where they only touch; and
     `Denoised.hands_in_each_other`."""
     if len(hands) < 2:
         return hands, None
@@ -150,7 +151,7 @@ def kept_apart(hands: list[FittedHand]) -> tuple[list[FittedHand], tuple[float, 
 
 
 def _taken_apart(hands: list[FittedHand], inside: Bool[Tensor, " T"]) -> list[FittedHand]:
-    """Two hands, fitted anew around the frames in which they are inside each other."""
+    """Two hands, fitted again around the frames with penetration."""
     near = np.convolve(np.pad(inside.cpu().numpy(), FELT), np.ones(2 * FELT + 1), "valid") > 0
     for run in runs(near):
         wide, kept = widened(run, FELT, len(near))
@@ -162,7 +163,7 @@ def _taken_apart(hands: list[FittedHand], inside: Bool[Tensor, " T"]) -> list[Fi
 
 
 def _depth_between(hands: list[FittedHand], *, given: bool = False) -> Float[Tensor, " T"]:
-    """`depth_between` two hands in each frame, metres."""
+    """Penetration depth between two hands in each frame, metres; see `depth_between`."""
     found = []
     for block in blocks(len(hands[0].near)):
         one, other = (hand.skin(block, given=given) for hand in hands)

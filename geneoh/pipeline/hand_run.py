@@ -1,4 +1,4 @@
-"""One hand from its noisy track to its fit: the three stages, selection, hand parameters."""
+"""Clean one hand: the three stages, the selection among samples, and the fit of parameters."""
 
 from dataclasses import dataclass
 
@@ -27,12 +27,13 @@ from geneoh.sequence.sequence import HandTrack
 
 @dataclass(frozen=True)
 class HandRun:
-    """What the hands of a sequence share while they are cleaned."""
+    """Networks and settings that all hands of a sequence share."""
 
     denoisers: Denoisers
     preset: Preset
     object_noise: Float[Tensor, " 2"] | None
-    """White noise of the object's poses, radians and metres; None for an object that is trusted."""
+    """Standard deviation of white noise on the object's poses, radians and metres; None for an
+    object that is trusted."""
     seed: int
     on_progress: OnProgress | None
 
@@ -44,18 +45,19 @@ class HandRun:
         relied: Float[Tensor, "N Q"],
         told: HandTrack | None,
     ) -> FittedHand:
-        """One normalised hand after its stages and its fit. Frames fall back to the hand alone by
-        as much as `relied`, how far the poses of the object's parts are relied on, is below 1. The
-        report is about the track that was `told`, where a filter was undone in it."""
+        """One normalised hand after the stages and the fit.
+
+        `relied` is the reliability of each part's pose, 0 to 1: a frame of lower reliability is
+        cleaned to that extent without the object. `told` is the input before a filter was undone in
+        it, for the report; None if nothing was undone."""
         chosen = self.preset
         surface = hand.object.surface() if hand.object.meshes else None
-        against = surface if chosen.has_object else None  # what the hand is cleaned against
+        against = surface if chosen.has_object else None
         carrier = None if against is None else carrier_of(hand.track, against, relied)
         asked = subject_of(hand.track, model, carrier)
         subject = untwisted(asked)
-        # MotionDiff starts from the parameters of the input
         given = subject.parameters()
-        # the paper's stages know no skeleton
+        # the paper's stages work on keypoints and use no skeleton
         subject, seen = subject.in_own_skeleton(given) if chosen.observed else (subject, given)
         subject = subject.completed(seen)
         near, poses = _reliance(hand, subject, against, relied, chosen)
@@ -99,7 +101,8 @@ def _reliance(
     relied: Float[Tensor, "N Q"],
     chosen: Preset,
 ) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
-    """How far the hand seems to be at the object, and how far the poses near it are relied on."""
+    """Per frame, 0 to 1: whether the hand interacts with the object (`evidence_of_nearness`), and
+    the reliability of the poses of the parts near it (`evidence_at_hand`)."""
     if against is None or not chosen.clean_object:
         return torch.full_like(relied[:, 0], float(against is not None)), relied.amin(1)
     near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
@@ -109,7 +112,8 @@ def _reliance(
 def _select(
     samples: Float[Tensor, "S T 21 3"], subject: Subject, selection: Selection
 ) -> tuple[int, Float[Tensor, "1 T 21 3"]]:
-    """The sample nearest to the input where it was seen, as in the paper, or the mean of all."""
+    """Index and keypoints of the sample nearest to the trusted input, as in the paper; or -1 and
+    the mean of all samples."""
     if selection == "mean":
         return -1, samples.mean(0, keepdim=True)
     apart = ((samples - subject.joints).norm(dim=-1) * subject.trust).sum((1, 2))
@@ -126,8 +130,8 @@ def _fit(
     evidence: Float[Tensor, " T"],
     on_step: OnStep,
 ) -> tuple[HandState, ShapedHand, Tensor]:
-    """Hand parameters, shape and betas that are fitted to the target, from those of the input on.
-    Filled frames count like observed ones, because the stages have filled them."""
+    """Hand parameters, shaped hand and betas fitted to the target, initialised with the input's.
+    All frames have trust 1, because the stages have filled the gaps."""
     trust = torch.ones_like(target[..., 0])
     model = subject.shaped.model
     if isinstance(chosen.fit, AdamFitConfig):

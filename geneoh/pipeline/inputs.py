@@ -1,4 +1,4 @@
-"""What `geneoh.denoise` is given: taken as it is meant, checked, and kept apart from the caller."""
+"""The input of `geneoh.denoise`: loaded, checked, and detached from the caller's gradients."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -18,8 +18,11 @@ from geneoh.sequence.validation import check_sequence, collapsed, without_collap
 def as_sequence(
     given: Sequence | Path | str, obj: Path | str | Iterable[Path | str] | None
 ) -> Sequence:
-    """The sequence that is given or is in the file that is named, with the meshes of its object;
-    `InputError` for what is neither, or cannot be read."""
+    """A sequence passed directly or loaded from a file, with the meshes of its object.
+
+    Raises:
+        InputError: the argument is neither, or the file cannot be read.
+    """
     if isinstance(given, Path | str):
         return load(given, obj=obj)
     if not isinstance(given, Sequence):
@@ -35,19 +38,19 @@ def as_sequence(
 
 
 def own(values: Tensor, found: list[bool]) -> Tensor:
-    """Values that are no part of the caller's gradients and can be part of ours; `found` is told
-    whether they were not before."""
+    """The values detached from autograd and out of inference mode; appends to `found` whether they
+    needed it."""
     found.append(values.requires_grad or values.is_inference())
     return values.clone() if values.is_inference() else values.detach()
 
 
 def checked_interaction(sequence: Sequence) -> Sequence:
-    """The sequence with frames filled in which the object's pose is missing, and without hands that
-    are collapsed to a point, or zeros.
+    """The sequence with missing object poses filled, and without hand frames that are collapsed to
+    a point or all zero.
 
     Raises:
-        InputError: the first fault that is found: a mesh without a surface or of another unit, or
-            numbers that can be no interaction.
+        InputError: the first fault that is found: a mesh without a surface or in another unit than
+            metres, or values that cannot be an interaction.
     """
     refuse_meshes(sequence.object.meshes, sequence.source)
     hands = tuple(map(without_collapsed, sequence.hands))
@@ -57,8 +60,8 @@ def checked_interaction(sequence: Sequence) -> Sequence:
 
 
 def refuse_meshes(meshes: Iterable[Mesh], source: str = "") -> None:
-    """`InputError` for a mesh without a surface or of another unit; `source` is whose meshes these
-    are."""
+    """Raise `InputError` for a mesh without a surface or in another unit than metres; `source`
+    names the meshes in the message."""
     for mesh in meshes:
         name = str(mesh.source or source or "the mesh")
         if warning := size_warning(checked_mesh(mesh, name)):
@@ -66,7 +69,7 @@ def refuse_meshes(meshes: Iterable[Mesh], source: str = "") -> None:
 
 
 def collapsed_sentences(sequence: Sequence) -> Iterator[str]:
-    """What a user should know about hands that are collapsed to a point, or zeros."""
+    """Sentences for the user about hand frames that are collapsed to a point or all zero."""
     for hand in sequence.hands:
         if count := int(collapsed(hand).sum()):
             yield (

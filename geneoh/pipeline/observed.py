@@ -1,4 +1,4 @@
-"""One frame of a stream, as it is known and clean, and what lies between two of them."""
+"""Frames of a stream, observed and clean, and interpolation between two of them."""
 
 from dataclasses import dataclass, replace
 
@@ -10,7 +10,7 @@ from geneoh.bundle import FRAMES, concatenated
 from geneoh.sequence.gaps import FrameInterpolation, blendable
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-DIGITS = 9  # decimals kept of places between frames, so that frames which coincide are found
+DIGITS = 9  # decimals that times in frames are rounded to, so that coinciding frames are detected
 
 
 @dataclass(frozen=True)
@@ -19,24 +19,24 @@ class CleanHand:
 
     track: HandTrack
     contact: Float[Tensor, " 5"] | None
-    """Probability that each finger touches the object, from the thumb; None without an object."""
+    """Contact probability of each finger, from the thumb; None without an object."""
 
 
 def lost_like(hand: HandTrack) -> HandTrack:
-    """One frame of a track in which its hand was lost."""
+    """One invalid frame with the same fields as a track."""
     lost = hand[:1].map(lambda values: torch.full_like(values, torch.nan), FRAMES)
     return replace(lost, valid=torch.zeros_like(lost.valid))
 
 
 @dataclass(frozen=True)
 class Observed:
-    """What is known of one frame: a hand, or None where it was lost, and the object's motion."""
+    """One observed frame: a hand, or None if it was lost, and the object's pose, NaN if lost."""
 
     hand: HandTrack | None
     object: ObjectTrack
 
     def completed(self, earlier: "Observed | None") -> "Observed":
-        """With what an earlier frame has and this one lacks."""
+        """This frame, with its missing hand or object poses taken from an earlier one."""
         if earlier is None:
             return self
         hand = earlier.hand if self.hand is None else self.hand
@@ -44,7 +44,7 @@ class Observed:
 
 
 def completed(motion: ObjectTrack, other: ObjectTrack) -> ObjectTrack:
-    """An object's track with the poses of another one where it has none."""
+    """An object's track with its missing poses taken from another track."""
     lost = motion.translation.isnan().any(-1, keepdim=True)
     rotation = torch.where(lost[..., None], other.rotation, motion.rotation)
     translation = torch.where(lost, other.translation, motion.translation)
@@ -52,7 +52,7 @@ def completed(motion: ObjectTrack, other: ObjectTrack) -> ObjectTrack:
 
 
 def between(before: Observed, after: Observed, fraction: float) -> Observed:
-    """What lies between two neighbouring frames; what one of them lacks is that of the nearer."""
+    """Interpolate between two neighbouring frames; where one lacks data, take the nearer frame."""
     fraction = round(fraction, DIGITS)
     motion = (before if fraction < 0.5 else after).object
     if fraction not in (0.0, 1.0):
@@ -65,7 +65,7 @@ def between(before: Observed, after: Observed, fraction: float) -> Observed:
 def hand_between(
     before: HandTrack | None, after: HandTrack | None, fraction: float
 ) -> HandTrack | None:
-    """The hand between two neighbouring frames; where one has none, what the nearer has."""
+    """Interpolate the hand between two frames; if one has none, take the nearer frame's or None."""
     fraction = round(fraction, DIGITS)
     near = before if fraction < 0.5 else after
     if before is None or after is None or near is None or fraction in (0.0, 1.0):
@@ -77,13 +77,13 @@ def hand_between(
 def clean_between(
     before: CleanHand | None, after: CleanHand | None, fraction: float
 ) -> tuple[HandTrack | None, Float[Tensor, " 5"] | None]:
-    """The clean hand between two neighbouring frames, and which of its fingers touch."""
+    """Interpolate the clean hand and its contact probabilities between two neighbouring frames."""
     hand = hand_between(before and before.track, after and after.track, fraction)
     known = [each.contact for each in (before, after) if each and each.contact is not None]
     return hand, known[0].lerp(known[-1], fraction) if known and hand is not None else None
 
 
 def instant(fraction: float) -> FrameInterpolation:
-    """One instant between the first and the second of two frames."""
+    """Interpolation weights at one instant between the first and the second of two frames."""
     place = torch.tensor([fraction], dtype=torch.float64)
     return FrameInterpolation(torch.tensor([0]), torch.tensor([1]), place)

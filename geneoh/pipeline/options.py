@@ -1,4 +1,4 @@
-"""What a user can choose about cleaning."""
+"""The settings of `geneoh.denoise`."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
@@ -31,7 +31,7 @@ class Options:
     default one, else 1. With 2 or more the result has `HandTrack.joint_spread`."""
     seed: int = 0
     """Seed of all random numbers. The same seed, input and settings give the same result; each hand
-    of a sequence is cleaned with it anew."""
+    of a sequence starts from the same seed."""
     steps: int | None = None
     """Denoiser calls of MotionDiff, 1 or more and at most its noise level (650), and rounds of
     SpatialDiff, at most 20; TemporalDiff always makes one call. In the preset "paper" calls of
@@ -42,7 +42,7 @@ class Options:
     """Which sample is kept: "closest", the one nearest to the input, or "mean", the mean of all.
     None leaves it to the preset: the mean, for the paper's the closest."""
     without: tuple[Ablation, ...] = ()
-    """Parts of the method that are left out, to measure what they are worth; none by default."""
+    """Ablation: parts of the method that are left out; none by default."""
     hand: HandSource = "embedded"
     """Hand model of the result: "embedded", the one that ships with geneoh, "mano", from the user's
     files, where a left hand with betas of the official file keeps the model of that file, or
@@ -60,9 +60,8 @@ class Options:
     (`geneoh.objects.refine`) and not those of the input. It needs the examination of the object,
     and so excludes `trust_object`, and "object" and "mesh" in `without`."""
     hand_delay: float | int = 0.0
-    """Frames by which the hands come later than the object, such as from a sensor with a clock of
-    its own; negative where they come earlier. They are cleaned, and are in the result, where the
-    object then was."""
+    """Delay of the hands relative to the object, frames, such as from a sensor with its own clock;
+    negative if the hands come earlier. Cleaning and result have the delay removed."""
     device: str = "cpu"
     """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1". The
     result is on the device of the sequence."""
@@ -71,8 +70,8 @@ class Options:
         """Take paths given as text, and refuse values that no setting has.
 
         Raises:
-            ConfigError: a value is of another type than its field's, none of its choices or out of
-                its limits, or `refine_object` stands beside what excludes it.
+            ConfigError: a value has a wrong type, is not among its field's choices or out of its
+                limits, or `refine_object` is combined with a setting that excludes it.
         """
         if isinstance(self.device, torch.device):
             object.__setattr__(self, "device", str(self.device))
@@ -106,9 +105,14 @@ def with_settings(
     caller: str = "geneoh.denoise",
     arguments: Iterable[str] = (),
 ) -> Options:
-    """The options, or the default ones, with some of their fields changed by name; `ConfigError`
-    for what is none. `caller` is what messages call the function that was given the settings, and
-    `arguments` name what it takes besides, where it reads no file."""
+    """The options, or the default ones, with some fields replaced by name.
+
+    `caller` is the function's name in error messages. `arguments` are the names of its other
+    arguments if it reads no file, for hints about misspelt names.
+
+    Raises:
+        ConfigError: a name is not a field of `Options`, or a value is refused.
+    """
     options = Options() if options is None else options
     if not isinstance(options, Options):
         raise ConfigError(

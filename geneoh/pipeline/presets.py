@@ -10,17 +10,17 @@ from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
 from geneoh.fitting.fit_config import KEYPOINTS_ALONE, FitConfig
 
-MOST_ROUNDS = 20  # of SpatialDiff, which finds no better places after the first few
+MOST_ROUNDS = 20  # upper bound of SpatialDiff's rounds; it converges after the first few
 
 
 @dataclass(frozen=True)
 class StagePlan:
     """Settings of the diffusion of one stage."""
 
-    level: int  # noise level that the input is brought to, 1 to 1000 of the schedule
+    level: int  # noise level to which the input is diffused, 1 to 1000 of the schedule
     steps: int  # denoiser calls from that level down to a clean sample
     sampler: SamplerName = "ddim"
-    chains: int = 1  # of each window in the paper's MotionDiff; that closest to the input is kept
+    chains: int = 1  # chains per window in the paper's MotionDiff; the closest to the input is kept
 
     @property
     def calls(self) -> int:
@@ -28,37 +28,37 @@ class StagePlan:
         return 1 if self.sampler == "direct" else self.steps
 
     def with_steps(self, steps: int) -> "StagePlan":
-        """The plan with another number of calls, never above its level."""
+        """The plan with another number of denoiser calls, at most its level."""
         return replace(self, steps=min(steps, self.level))
 
     def without_diffusion(self) -> "StagePlan":
-        """The plan whose one call answers at once, for an ablation."""
+        """The plan with a single denoiser call instead of diffusion, for an ablation."""
         return replace(self, sampler="direct")
 
 
 @dataclass(frozen=True)
 class PlacePlan:
-    """Settings of SpatialDiff where it asks for the place of the hand."""
+    """Settings of SpatialDiff in our form, which estimates a shift of the hand."""
 
-    places: int  # trial places of each window in each round
-    steps: int = 4  # rounds, each of which tries places where those before were probable
-    frames: int | None = None  # of each window that are looked at; None for as many as in training
+    places: int  # trial shifts per window and round
+    steps: int = 4  # rounds of importance sampling, each around the probable shifts of the last
+    frames: int | None = None  # input frames per window; None for as many as in training
     sliding: bool = True
-    """Whether a place over which the hand slides is less probable (`geneoh.denoisers.sliding`), and
-    what comes and goes over the object is an error (`geneoh.denoisers.drifting`)."""
+    """Whether sliding over a held object makes a shift less probable (`geneoh.denoisers.sliding`),
+    and drift over the object is removed (`geneoh.denoisers.drifting`)."""
 
     def with_steps(self, steps: int) -> "PlacePlan":
-        """The plan with another number of rounds, never above `MOST_ROUNDS`."""
+        """The plan with another number of rounds, at most `MOST_ROUNDS`."""
         return replace(self, steps=min(steps, MOST_ROUNDS))
 
     def without_diffusion(self) -> "PlacePlan":
-        """The plan whose one round answers at once, for an ablation."""
+        """The plan with a single round, for an ablation."""
         return replace(self, steps=1)
 
 
 @dataclass(frozen=True)
 class DirectPlan:
-    """A stage that answers in one call: it has nothing to choose."""
+    """A stage of one network call, without settings."""
 
 
 Plan = PlacePlan | StagePlan
@@ -68,33 +68,33 @@ Plan = PlacePlan | StagePlan
 class Preset:
     """Settings of all stages, of the selection among samples and of the fit."""
 
-    motion: StagePlan | None  # None leaves a stage out
+    motion: StagePlan | None  # None leaves the stage out
     spatial: PlacePlan | StagePlan | None  # `StagePlan`: the paper's form, on contact points
     temporal: StagePlan | DirectPlan | None  # `StagePlan`: the paper's form, on a latent
     observed: bool
-    """Whether the networks are shown the input, or only start from it as in the paper."""
+    """Whether the networks are conditioned on the input, or only start from it as in the paper."""
     samples: int  # number of diffusion chains, unless the user chooses another
     selection: Selection
     """Which sample is kept. The paper keeps the one closest to the input; the mean of a few samples
     is nearer to the truth than any one of them."""
     fit: FitConfig | AdamFitConfig
-    contact: bool  # whether the fit keeps the mesh out of the object
-    apart: bool = True  # whether two hands are taken out of each other
+    contact: bool  # whether the fit removes penetration of the object
+    apart: bool = True  # whether penetration between two hands is removed
     canonical: bool = True
-    """Whether the canonical frame moves with the contact points; False, for an ablation, holds it
-    still in the world."""
-    clean_object: bool = True  # whether noisy poses are smoothed before hands are seen from them
+    """Whether the canonical frame moves with the contact points; False, for an ablation, fixes it
+    in the world frame."""
+    clean_object: bool = True  # whether noisy object poses are smoothed before the stages
     camera_told: bool = True
-    """Whether the stages are shown the direction of the camera that the sequence knows."""
-    camera_found: bool = True  # whether it is else looked for in the noise of the hand
+    """Whether the stages get the camera ray that the sequence contains."""
+    camera_found: bool = True  # whether a missing camera ray is estimated from the hand's noise
     has_object: bool = True  # False cleans the hand by the prior of motion alone
 
     def with_steps(self, steps: int) -> "Preset":
-        """The preset with another number of denoiser calls per stage, never above its level."""
+        """The preset with another number of calls or rounds per stage; see the plans' limits."""
         return self._with_plans(lambda plan: plan.with_steps(steps))
 
     def alone(self) -> "Preset":
-        """The preset for a hand without an object: nothing that asks for its surface."""
+        """The preset for a hand without an object: without the parts that need a surface."""
         return replace(
             self, spatial=None, temporal=None, contact=False, clean_object=False, has_object=False
         )
@@ -132,7 +132,7 @@ class Preset:
 
 
 def preset(name: PresetName) -> Preset:
-    """The settings that a preset's name stands for."""
+    """The settings of a named preset."""
     match name:
         case "paper":
             return Preset(
@@ -145,11 +145,11 @@ def preset(name: PresetName) -> Preset:
                 fit=AdamFitConfig(),
                 contact=False,
                 apart=False,
-                camera_found=False,  # its networks are shown no camera
+                camera_found=False,  # the paper's networks do not use a camera ray
             )
         case "default":
             return Preset(
-                # from a lower level the input would count twice; more steps leave more of its noise
+                # a lower level would use the input twice; more steps keep more of its noise
                 motion=StagePlan(650, 4),
                 spatial=PlacePlan(96),
                 temporal=DirectPlan(),
@@ -162,7 +162,7 @@ def preset(name: PresetName) -> Preset:
         case "fast":
             return replace(
                 preset("default"),
-                motion=StagePlan(650, 1),  # one sample is nearest to the mean of many in one step
+                motion=StagePlan(650, 1),  # a single sample is nearest to the mean with one step
                 spatial=PlacePlan(64, steps=3, frames=6),
                 samples=1,
                 fit=FitConfig(iterations=3, contact_rounds=2),

@@ -1,4 +1,4 @@
-"""What cleaning gives, and how it is kept: a clean sequence with what was learned beside it."""
+"""The result of cleaning, and how it is saved and loaded."""
 
 import json
 from dataclasses import asdict, dataclass, field, replace
@@ -26,18 +26,18 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 
 @dataclass(frozen=True, eq=False)
 class HandResult(Bundle):
-    """What cleaning did to one hand."""
+    """The result of one hand."""
 
     track: HandTrack
     """The clean hand, as in the sequence of the result."""
     filled: Bool[Tensor, " T"]
-    """Frames in which the input had no hand; there it comes from the networks alone."""
+    """Frames in which the input had no hand; there the hand comes from the networks alone."""
     samples: Float[Tensor, "S N 21 3"]
-    """Keypoints of every sample after the three stages, before the fit: world frame, metres, the
-    side of the hand, at 30 frames a second."""
+    """Keypoints of every sample after the three stages, before the fit: world frame, metres, not
+    mirrored, at 30 frames a second."""
     chosen: int
-    """Index of the sample that was kept; -1 for their mean. Where the shots of a video were cleaned
-    one by one, the samples that were kept come first."""
+    """Index of the sample that was kept; -1 for the mean. If the shots of a video were cleaned one
+    by one, the kept sample of each shot comes first."""
     before: InteractionReport
     """Measures of the input, at 30 frames a second."""
     after: InteractionReport
@@ -48,15 +48,15 @@ class HandResult(Bundle):
     windows: int
     """Number of overlapping windows that the track was cut into."""
     seconds: dict[str, float] = field(compare=False)
-    """Time that each stage took."""
+    """Computing time of each stage, seconds."""
     notes: tuple[str, ...]
-    """What had to be assumed about the hand, in words."""
+    """Assumptions about the hand, as sentences."""
     contact: Float[Tensor, "T 5"] | None
     """Probability that each finger touches the object, from the thumb to the little finger; see
     `geneoh.pipeline.touch`. None without an object."""
     evidence: Float[Tensor, " T"]
-    """Share of each frame, 0 to 1, that was cleaned against the object; the rest, where the object
-    cannot be relied on, by the prior of hand motion alone."""
+    """Share of each frame, 0 to 1, that was cleaned against the object. The rest, where the object
+    is not reliable, was cleaned by the prior of hand motion alone."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
@@ -70,24 +70,24 @@ class Denoised(Bundle):
     """The input with clean hands. Its frames are unchanged, and so is its object without
     `Options.refine_object`."""
     hands: dict[Side, HandResult]
-    """What was done to each hand."""
+    """The result of each hand."""
     notes: tuple[str, ...]
-    """What had to be assumed about the sequence, in words."""
+    """Assumptions about the sequence, as sentences."""
     options: Options = field(default_factory=Options)
-    """The settings that it was made with."""
+    """The settings of this result."""
     examined: ObjectExamination | None = None
-    """What the object's track says about its own noise; None with `Options.trust_object`."""
+    """Estimated noise of the object's track; None with `Options.trust_object`."""
     hands_in_each_other: tuple[float, float] | None = None
-    """Depth in metres of the deepest vertex that two hands have in each other, of the input and of
-    the result, over all frames at 30 frames a second; None for one hand."""
+    """Largest penetration depth between two hands, metres, before and after cleaning, over all
+    frames at 30 frames a second; None for one hand."""
     doubts: tuple[str, ...] = ()
-    """What is doubtful about the input, such as its side, each with what cures it."""
+    """Doubts about the input, such as about its side, each with a remedy."""
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
     def __getitem__(self, frames: Index) -> "Denoised":
-        """The chosen frames; every n-th of them come at an n-th of the rate."""
+        """The chosen frames; a step of n divides the frame rate by n."""
         return replace(super().__getitem__(frames), sequence=self.sequence[frames])
 
 
@@ -98,7 +98,7 @@ def clean_track(
     hand_model: str,
     spread: Float[Tensor, "T 21"] | None,
 ) -> HandTrack:
-    """The track of a right hand that was fitted, of which every frame is known."""
+    """The track of a fitted right hand, valid in all frames; `spread` is its `joint_spread`."""
     return HandTrack(
         side="right",
         valid=torch.ones_like(joints[:, 0, 0], dtype=torch.bool),
@@ -113,21 +113,21 @@ def clean_track(
 
 @checked_call
 def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = False) -> None:
-    """Write a result, or any sequence, as a geneoh-sequence npz, whole or not at all.
+    """Write a result, or any sequence, as a geneoh-sequence npz, atomically.
 
-    A result keeps beside the fields of its sequence: per side `filled` (T,), frames that the input
-    did not hold; `finger_contact` (T, 5), the probability that each finger touches the object; and,
-    where several samples were drawn, `samples` (S, N, 21, 3), their keypoints in metres at 30
-    frames a second before selection and fit; `object_confidence` (T, Q), how much the
-    object's poses agree with one another; `options`, the settings as JSON. Meshes stay in their own
-    files, which it names; one that was made in memory is not kept, which is logged as a warning.
-    A file that geneoh did not write is replaced with `overwrite` only; one that it did write is
-    replaced unasked, also one that the result was made from.
+    For a result the file contains, beside the fields of its sequence: per side `filled` (T,),
+    frames without a hand in the input; `finger_contact` (T, 5), the probability that each finger
+    touches the object; and, if several samples were drawn, `samples` (S, N, 21, 3), their keypoints
+    in metres at 30 frames a second before selection and fit; `object_confidence` (T, Q), how much
+    the object's poses agree with one another; `options`, the settings as JSON. Meshes stay in their
+    own files, and the npz holds the paths; a mesh without a file is not saved, with a logged
+    warning. A file that geneoh did not write is replaced only with `overwrite`. One that it wrote
+    is always replaced, even if the result was made from it.
 
     Raises:
-        InputError: the place cannot be written to, holds a file that geneoh did not write, or has
-            another ending than `.npz`; or a sequence has no hand, two of one side, other frames
-            than its object, or betas of two models.
+        InputError: the path cannot be written to, is a file that geneoh did not write, or does not
+            end in `.npz`; or a sequence has no hand, two of one side, another number of frames than
+            its object, or betas of two models.
     """
     if not isinstance(result, Denoised | Sequence):
         takes = "geneoh.save takes a result or a Sequence, then the path to write to"
@@ -152,19 +152,20 @@ def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = Fal
 
 
 def no_result(given: Any, said: str) -> InputError:
-    """The error for what is no result of cleaning: what is said, and where its sequence is."""
+    """The error for an argument of a wrong type: the message `said`, and how to get a sequence."""
     if isinstance(getattr(given, "sequence", None), Sequence):
         return InputError(f"{said}; give its .sequence")
     return InputError(f"{said}; geneoh.from_arrays makes a Sequence of arrays")
 
 
 def kept_arrays(path: Path | str) -> Arrays:
-    """The arrays of an npz; none of a file of another kind, which is no result."""
+    """The arrays of an npz; empty for a file of another kind, which cannot be a result."""
     return read_archive(Path(path)) if Path(path).suffix.lower() == ".npz" else {}
 
 
 def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
-    """Keypoints of the samples that a result keeps, by side, at 30 frames a second; often none."""
+    """Keypoints of the samples in a saved result, by side, at 30 frames a second; empty if it has
+    none."""
     arrays = kept_arrays(path)
     found: dict[Side, Tensor] = {}
     for side in SIDES:
@@ -175,6 +176,6 @@ def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
 
 
 def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:
-    """The confidence in the object's poses that a result keeps; None where it keeps none."""
+    """The confidence of the object's poses in a saved result; None if it has none."""
     kept = kept_arrays(path).get("object_confidence")
     return None if kept is None or kept.ndim != 2 else torch.from_numpy(kept).float()

@@ -1,4 +1,4 @@
-"""A result that is played at other times, with measures of what is then seen."""
+"""Resample a result at other times and measure it again."""
 
 from dataclasses import replace
 
@@ -17,9 +17,9 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 
 
 def result_at_times(result: Denoised, time: Float[Tensor, " N"]) -> Denoised:
-    """The same motion at times in frames from its start, one for each frame of the new result.
+    """The result resampled at `time`, the position of each new frame in frames of the old result.
 
-    `after` is measured anew; all else stays. The hands must be those of the embedded model, at 30
+    `after` is measured again; other measures stay. The hands must be of the embedded model, at 30
     frames a second.
     """
     sequence = at_times(result.sequence, time)
@@ -41,7 +41,7 @@ def result_at_times(result: Denoised, time: Float[Tensor, " N"]) -> Denoised:
 
 
 def _measured(track: HandTrack, sequence: Sequence) -> InteractionReport:
-    """The report of a clean hand at the object of its sequence."""
+    """The report of a clean hand against the object of its sequence."""
     motion = sequence.object
     if track.side == "left":
         track, motion = track.mirrored(), motion.mirrored()

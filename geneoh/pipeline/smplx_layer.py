@@ -1,6 +1,5 @@
 """A hand track as a layer of the `smplx` package, for body models, renderers and optimisers. Only
-this module imports smplx, whose licence is non-commercial, and only when it is asked for a
-layer."""
+this module imports smplx, whose licence is non-commercial, and only when a layer is made."""
 
 from contextlib import redirect_stdout
 from os import devnull
@@ -36,7 +35,7 @@ def to_smplx(
     hand: HandSource = "embedded",
     mano_dir: Path | str | None = None,
 ) -> "MANO":
-    """One hand of a sequence as an `smplx.MANO` module that is posed with it, all frames at once.
+    """One hand of a sequence as an `smplx.MANO` module with its pose, all frames as one batch.
 
         layer = geneoh.to_smplx("left", result.sequence)
         vertices = layer().vertices  # (T, 778, 3), metres, in the world frame
@@ -57,7 +56,7 @@ def to_smplx(
 
     Raises:
         InputError: the sequence has no such hand, or only its keypoints.
-        MissingAssetError: MANO was asked for and there is no such file.
+        MissingAssetError: a MANO hand is requested and there is no MANO file.
     """
     if not isinstance(sequence, Sequence):
         raise InputError(
@@ -98,11 +97,11 @@ def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> "MANO":
     }
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in fields.items()}
     arrays["kintree_table"] = np.stack([PARENTS, np.arange(len(PARENTS))])
-    arrays["hands_components"] = np.eye(45)  # asked for, and not used without PCA
+    arrays["hands_components"] = np.eye(45)  # required by smplx, but unused without PCA
     parameters: dict[str, Any] = {
         name: tensor.detach().cpu().numpy() for name, tensor in pose.items()
     }
-    # smplx prints that ten betas are few, which is what every MANO hand has.
+    # smplx prints a warning about ten betas, although every MANO hand has ten
     with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
         return MANO(
             "",

@@ -1,4 +1,4 @@
-"""The expected error of a cleaned track's keypoints, from how much its samples disagree."""
+"""Uncertainty: the expected error of cleaned keypoints, from the spread of the samples."""
 
 import torch
 from jaxtyping import Float
@@ -8,18 +8,18 @@ from geneoh.denoisers.candidate_corrections import filter_kernels
 from geneoh.sequence.windows import blocks, widened
 
 SCALE = 1.5
-"""Ratio of the expected error to the deviation over samples, found by `tools.calibrate_spread`. It
-is above 1 because samples differ where the network is unsure, not where all of them are wrong."""
+"""Ratio of the expected error to the standard deviation over samples, from
+`tools.calibrate_spread`. It is above 1 because errors that all samples share do not spread them."""
 ALONE = 3.0
-"""By how much the expected error of a hand that is cleaned by itself is larger: samples that see no
-surface agree on a place that they do not know. With it 87 to 98% of the true keypoints of made
-clips are in the 90% radius, by noise, and 51% under a camera's."""
+"""Factor on the expected error of a hand that is cleaned without the object, whose samples share
+the unknown error of position. With it, 87 to 98% of the true keypoints of synthetic clips are in
+the 90% radius, depending on the noise, and 51% under camera noise."""
 LASTING = 10.0
 """Standard deviation in frames of the Gaussian filter on the samples' differences. Differences that
 change from frame to frame cancel in the mean of the samples and are left out."""
 
 REACH = 150
-"""Frames from which on the filter's weight is zero in float32."""
+"""Frames beyond which the filter's weight is zero in float32."""
 
 
 def joint_spread(
@@ -31,9 +31,9 @@ def joint_spread(
     """`HandTrack.joint_spread` of the samples' mean, metres.
 
     Args:
-        samples: keypoints in metres of two samples or more.
-        scale: ratio of the expected error to the deviation over the samples.
-        alone: share, 0 to 1, by which each frame was cleaned without the object; none by default.
+        samples: keypoints of at least two samples, metres.
+        scale: ratio of the expected error to the standard deviation over the samples.
+        alone: share, 0 to 1, by which each frame was cleaned without the object; 0 by default.
     """
     found, frames = [], samples.shape[1]
     for block in blocks(frames):

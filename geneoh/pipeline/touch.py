@@ -1,4 +1,4 @@
-"""Which fingers touch the object, as a probability: how far they are off, and how sure that is."""
+"""Contact probability of each finger, from its signed distance to the object and uncertainty."""
 
 from dataclasses import replace
 
@@ -12,14 +12,14 @@ from geneoh.hand.skeleton import FINGERS, KEYPOINT_FINGERS, TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
 
 REACH = 0.015
-"""Distance from the object up to which that of a finger must be exact, metres."""
+"""Distance up to which the distance of a finger to the object must be exact, metres."""
 NEARER = 0.0027
-"""Results leave fingers that touch a little off the object: by this much in the mean, metres."""
+"""Mean distance by which touching fingers are too far from the object in results, metres."""
 SPREAD_SHARE, LEAST_SPREAD = 0.13, 0.0033
-"""Deviation of a finger's distance from the true one: the share of the expected error of its tip
-that points along the surface's normal and is not mended by the fit, and metres that always stay."""
+"""Standard deviation of a finger's distance: a share of the expected error of its tip (the part
+along the surface normal that the fit does not correct), and a constant in metres."""
 USUAL_SPREAD = 0.02
-"""Expected error of a fingertip where there is one sample, which does not tell, metres."""
+"""Expected error of a fingertip in metres if a single sample gives no estimate of it."""
 
 
 def finger_contact(
@@ -33,10 +33,10 @@ def finger_contact(
     found by `python -m tools.finger_contact calibrate`.
 
     Args:
-        distance: distance of each finger's nearest skin to the object, metres, negative inside.
-        spread: `HandTrack.joint_spread` of the hand; None where it is not known.
-        evidence: how far the poses of the object are relied on, 0 to 1; where they say nothing the
-            probability is 0.5.
+        distance: least signed distance of each finger's skin to the object, metres, negative
+            inside.
+        spread: `HandTrack.joint_spread` of the hand; None if unknown.
+        evidence: reliability of the object's poses, 0 to 1; at 0 the probability is 0.5.
     """
     usual = torch.full_like(distance, USUAL_SPREAD)
     tips = usual if spread is None else spread[:, sorted(TIP_KEYPOINTS)]
@@ -46,8 +46,8 @@ def finger_contact(
 def fingers_apart(
     verts: Float[Tensor, "T V 3"], surface: MovingSurface, model: HandModel
 ) -> Float[Tensor, "T 5"]:
-    """Distance of each finger's nearest skin to the object, metres, negative inside, exact up to
-    `REACH`; fingers in the order of the keypoints. Every second vertex stands for the skin."""
+    """Least signed distance of each finger's skin to the object, metres, negative inside, exact up
+    to `REACH`; fingers in the order of the keypoints. Every second vertex is used."""
     fingers = [finger[::2] for finger in verts_of_fingers(model)]
     query = replace(surface, within=REACH).query(verts[:, torch.cat(fingers)])
     parts = query.distance.split([len(finger) for finger in fingers], dim=-1)
@@ -61,9 +61,9 @@ def finger_touch(
     least: float = LEAST_SPREAD,
     nearer: float = NEARER,
 ) -> Float[Tensor, "T 5"]:
-    """`finger_contact` from the expected errors of the fingertips, where poses can be relied on.
+    """`finger_contact` at `evidence` 1, from the expected errors of the fingertips, metres.
 
-    The last three stand in place of the constants of their names, while these are calibrated.
+    `share`, `least` and `nearer` replace the constants while these are calibrated.
     """
     width = ((share * tips) ** 2 + least**2).sqrt()
     return torch.special.ndtr((TOUCH + nearer - distance) / width)

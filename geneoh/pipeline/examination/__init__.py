@@ -1,1 +1,1 @@
-"""Faults of a track that are found before it is cleaned."""
+"""Detection of faults in a track before it is cleaned."""

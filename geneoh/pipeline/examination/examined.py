@@ -1,5 +1,5 @@
-"""Hands and object as the stages are to see them: without noise of the object's track, and without
-a filter that one of hand and object went through."""
+"""Prepare hands and object for the stages: remove noise from the object's track, and undo a
+low-pass filter that was applied to only one of hand and object."""
 
 from dataclasses import dataclass
 
@@ -19,32 +19,32 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 @dataclass(frozen=True)
 class Examined:
-    """Hands and object, and how far the object is relied on."""
+    """Prepared hands and object, and the reliability of the object's poses."""
 
     hands: tuple[HandTrack, ...]
     object: ObjectTrack
     relied: Float[Tensor, "T Q"]
-    """How far the poses of the seen parts are relied on, 0 to 1; of an object that is trusted one
-    column for all parts."""
+    """Reliability, 0 to 1, of the poses of the parts that were ever seen; a single column of ones
+    if the object is trusted."""
     undone: tuple[HandTrack, ...] = ()
-    """The hands in which a filter was undone, as they were given."""
-    examination: ObjectExamination | None = None  # None for an object that is trusted
+    """The input tracks of the hands in which a filter was undone."""
+    examination: ObjectExamination | None = None  # None if the object is trusted
     notes: tuple[str, ...] = ()
 
     @property
     def met(self) -> ObjectTrack:
-        """The object without parts that were never seen: they stand at the origin, where a hand
-        must not meet them."""
+        """The object without parts that were never seen: these are at the origin, where a hand must
+        not collide with them."""
         return self.object.of_parts(self.object.seen_parts) if self.object.meshes else self.object
 
 
 def trusted(hands: tuple[HandTrack, ...], motion: ObjectTrack) -> Examined:
-    """Hands and object as they were given."""
+    """Unchanged hands and object, with reliability 1."""
     return Examined(hands, motion, torch.ones(len(motion.rotation), 1))
 
 
 def examined(hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float) -> Examined:
-    """Hands and object after the object's track was looked at, and cleaned where it is noisy."""
+    """Hands and object after examination of the object's track, cleaned where it is noisy."""
     palms = tuple(map(palm_of, hands))
     motion, repeated = without_repeats(motion)
     motion, examination = clean_object(motion, fps, palms)

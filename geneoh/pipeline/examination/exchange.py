@@ -1,8 +1,8 @@
-"""Two hands that a tracker exchanged in some frames, or that are one and the same.
+"""Detect frames in which a tracker swapped the left and the right label, and duplicated hands.
 
-Where the labels are exchanged, each hand goes on where the other one was, with fingers that bend
-backward. Both are asked for at once: a track that jumps need not be exchanged, and hands that are
-exchanged while they touch do not jump.
+After a swap each track continues at the other hand's position, with fingers that bend backward.
+Both cues are used together: a jump alone may have another cause, and hands that are swapped while
+they touch do not jump.
 """
 
 from collections.abc import Iterator
@@ -20,15 +20,16 @@ from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import runs
 
-JITTER = 0.03  # metres of both palms' steps that cost as much as fingers bent by a palm's length
-CHANGE = 5.0  # cost of a change of the labels
-FLAT = 0.2  # share of the palm's length, of both hands, by which flat fingers may bend backward
+JITTER = 0.03  # summed palm displacement, metres, that costs as much as a curl of one palm length
+CHANGE = 5.0  # cost of a swap of the labels
+FLAT = 0.2  # backward curl of flat fingers, summed over both hands, palm lengths
 SAME_PLACE, SHARE_OF_FRAMES = 0.02, 0.5
-"""Mean metres between two palms that are one, and the share of the frames from which it is told."""
+"""Mean distance of two palms below which they coincide, metres, and the share of frames from which
+this is reported."""
 
 
 def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
-    """The sequence with two exchanged hands put right, and what a user should know of it."""
+    """The sequence with swapped hands corrected, and sentences for the user."""
     if len(sequence.hands) != 2 or not all(bool(h.observed.any()) for h in sequence.hands):
         return sequence, ()
     one, other = with_confidence(sequence.hands)
@@ -44,14 +45,14 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
 
 
 def with_confidence(hands: tuple[HandTrack, ...]) -> tuple[HandTrack, ...]:
-    """The hands, which all have a confidence where one of them has, such as for lost keypoints."""
+    """The hands, all with a `confidence` if any of them has one, so that their fields agree."""
     if len({hand.confidence is None for hand in hands}) == 1:
         return hands
     return tuple(replace(hand, confidence=hand.trust) for hand in hands)
 
 
 def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:
-    """What a user should know of two hands of which one is a copy of the other."""
+    """A sentence for the user if one hand is a copy of the other."""
     both = one.observed & other.observed
     apart = (keypoints_of(one) - keypoints_of(other))[:, PALM].norm(dim=-1).mean(-1)
     count, seen = int((apart[both] < SAME_PLACE).sum()), int(both.sum())
@@ -63,7 +64,7 @@ def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:
 
 
 def exchanged(one: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
-    """The frames in which each of two hands is the other one; none where all of them would be."""
+    """Frames in which the two hands are swapped; none if all frames would be."""
     hands = (one, other)
     bends = [curls(keypoints_of(hand), hand.trust != 0, hand.side).nan_to_num() for hand in hands]
     curl = bends[0] + bends[1]
@@ -72,7 +73,7 @@ def exchanged(one: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
     crossed = (palms[:, 1:] - palms.flip(0)[:, :-1]).norm(dim=-1).mean(-1).sum(0)
     found = cheapest(curl, steps / JITTER, crossed / JITTER + CHANGE)
     if bool(found.all()):
-        return torch.zeros_like(found)  # then the sides are wrong, which is told elsewhere
+        return torch.zeros_like(found)  # then the sides are wrong, which another check reports
     for run in runs(found.cpu().numpy()):
         found[run] = bool(curl[run].mean() < 0)
     return found
@@ -81,11 +82,10 @@ def exchanged(one: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
 def cheapest(
     curl: Float[Tensor, " T"], kept: Float[Tensor, " S"], changed: Float[Tensor, " S"]
 ) -> Bool[Tensor, " T"]:
-    """The frames that are exchanged at the least cost, by dynamic programming.
+    """The swapped frames of least total cost, by dynamic programming.
 
-    `curl` is by how much the fingers of both hands bend, in lengths of a palm; `kept` what each
-    step to the next frame costs if both have the same labels, `changed` if these are changed
-    between them.
+    `curl` is the forward curl of the fingers of both hands, palm lengths. `kept` is the cost of
+    each step to the next frame with the same labels, `changed` with swapped labels.
     """
     each = torch.stack([(-curl - FLAT).clamp(min=0), (curl + FLAT).clamp(min=0)]).T.tolist()
     costs, before = each[0], []
@@ -105,12 +105,12 @@ def cheapest(
 
 
 def _fields_of(hand: HandTrack) -> list[bool]:
-    """Which of the fields that have frames a track lacks."""
+    """For each per-frame field, whether a track lacks it."""
     of_points = (hand.joints, hand.confidence, hand.joint_spread)
     return [value is None for value in (*of_points, hand.pose, hand.wrist, hand.camera_ray)]
 
 
 def with_frames_of(hand: HandTrack, other: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
-    """A track that is another one in some frames; both have the same fields with frames."""
+    """A track with some frames taken from another; both have the same per-frame fields."""
     both = concatenated([hand, replace(other, betas=hand.betas)])
     return both[torch.arange(hand.frames, device=frames.device) + hand.frames * frames]

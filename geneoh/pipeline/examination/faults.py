@@ -1,8 +1,8 @@
-"""Frames in which a tracker lost the hand and says so nowhere: they count as missing.
+"""Detect frames in which a tracker lost the hand without marking them, and make them missing.
 
-Trackers that lose a hand repeat their last answer, follow another hand, turn it over, or take it
-for one of the other side. Networks that have learned from noise around the true hand follow such
-frames, and fill in what is missing.
+Trackers that lose a hand repeat their last output, follow another hand, flip it, or confuse its
+side. Networks trained with noise around the true hand would follow such frames, but can fill
+missing ones.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -30,26 +30,27 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.shots import LASTING, shots_of
 from geneoh.sequence.windows import runs
 
-SHORTEST = 5  # observed frames below which nothing tells a fault from motion
+SHORTEST = 5  # observed frames that are needed to distinguish faults from motion
 IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
 PLACE_CHANGE, TURN_CHANGE = 0.1, 1.0
 LARGEST_PLACE, LARGEST_TURN = 0.25, 2.0
-"""From one frame to the next the step of the palm may change by 10 cm and its turn by 57 degrees at
-30 frames a second, more at fewer, or by `BENDS` times the lower quartile of its changes; but by
-25 cm (more at fewer) and 115 degrees at most. Noise that networks can mend stays below."""
+"""Limits of the change of the palm's displacement (metres) and rotation (radians) between two
+consecutive steps: 10 cm and 57 degrees at 30 frames a second, more at lower frame rates, or `BENDS`
+times the lower quartile of all changes; but at most 25 cm (more at lower frame rates) and 115
+degrees. Noise that the networks can remove stays below."""
 BENDS = 4.2
 SAME, LEAP = 2e-5, 0.003
-"""Largest coordinate of a step, metres, in which points stand still but for rounding; and the mean
-length of steps at 30 frames a second from which to such a stop nothing slows down."""
+"""A point is at rest if no coordinate moves farther than `SAME`, metres, which allows for rounding.
+No hand stops abruptly after a step longer than `LEAP`, metres at 30 frames a second."""
 BACKWARD, CURL_JUMP = -0.2, 0.4
-"""Share of the palm's length by which the fingertips of a hand of the other side are bent backward,
-and by how much more than in the frames around them."""
-GUESSED = 0.05  # confidence of fingers that are those of the frames around them
-ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # of a hand: no turn maps it onto itself
+"""Curl of the fingers, in palm lengths, below which they bend backward like a hand of the other
+side, and its least difference to the neighbouring frames."""
+GUESSED = 0.05  # factor on the confidence of fingers that are interpolated
+ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # the trivial symmetry group, for a palm
 
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
-    """The sequence whose faulty frames count as missing, and what a user should know of them."""
+    """The sequence with faulty frames marked as missing, and sentences for the user."""
     found = [without_faults_of(hand, sequence.fps, sequence.object) for hand in sequence.hands]
     said = tuple(words for _, each in found for words in each)
     return replace(sequence, hands=tuple(hand for hand, _ in found)), said
@@ -58,7 +59,7 @@ def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
 def without_faults_of(
     hand: HandTrack, fps: float, motion: ObjectTrack
 ) -> tuple[HandTrack, tuple[str, ...]]:
-    """One hand without its faults, and what a user should know of them."""
+    """One hand with its faulty frames marked as missing, and sentences for the user."""
     hand, words = without_strays(hand)
     said = list(words)
     for frames, fault, of_fingers in faults(hand, fps, motion):
@@ -72,7 +73,7 @@ def without_faults_of(
 
 
 def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
-    """The track whose fingers in some frames are those around them, with hardly any confidence."""
+    """The track with fingers interpolated in some frames, with hardly any confidence."""
     around, chosen = observed_around(hand.observed & ~frames), frames[:, None, None]
     pose, joints, trust = hand.pose, hand.joints, hand.trust
     is_finger = IS_FINGER.to(frames.device)
@@ -90,8 +91,8 @@ def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrac
 def faults(
     hand: HandTrack, fps: float, motion: ObjectTrack
 ) -> Iterator[tuple[Bool[Tensor, " T"], str, bool]]:
-    """The faults of a track, of which most have none: its frames, which no other has, what is wrong
-    with them in words, and whether that is so of the fingers alone."""
+    """Faults of a track: the mask of its frames (disjoint between faults), a description, and
+    whether it concerns the fingers alone."""
     seen = hand.observed
     if int(seen.sum()) < SHORTEST:
         return
@@ -101,7 +102,7 @@ def faults(
     track = KeypointTrack(joints, trusted, hand.side, fps, views, shots)
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
-        # a slow tracker repeats most frames; else what is so in most of them is how the hand is
+        # only repeated frames may be the majority (slow trackers): else they are how the hand is
         few = find is _repeated or 2 * int(wrong.sum()) <= int(seen.sum())
         if few and bool(wrong.any()):
             yield wrong, words, of_fingers
@@ -116,24 +117,24 @@ class KeypointTrack:
     trusted: Bool[Tensor, "T 21"]  # whether a keypoint has confidence in a frame with the hand
     side: Side
     fps: float
-    from_parts: tuple[Float[Tensor, "T 21 3"], ...]  # the same, as parts of the object see them
-    shots: list[slice]  # stretches between cuts of the video, over which no motion leads
+    from_parts: tuple[Float[Tensor, "T 21 3"], ...]  # keypoints in the frame of each object part
+    shots: list[slice]  # frames between cuts of the video, across which motion is not compared
 
     @cached_property
     def palms(self) -> list[RigidMotion]:
-        """The palm as the world sees it, and as each part of the object does."""
+        """Rigid motion of the palm in the world frame and in the frame of each object part."""
         return [palm_at(joints, self.trusted) for joints in (self.joints, *self.from_parts)]
 
     @property
     def nothing(self) -> Bool[Tensor, " T"]:
-        """No frame."""
+        """An empty mask of frames."""
         return torch.zeros_like(self.trusted[:, 0])
 
     def in_all(
         self, views: Iterable[np.ndarray | Rotation], find: Callable[[Any], Bool[np.ndarray, " N"]]
     ) -> Bool[Tensor, " T"]:
-        """Frames that are found in the world and as each part of the object sees the hand; `find`
-        is asked for each shot of each view, frames first."""
+        """Frames that `find` detects in every view, in the world and in each part's frame; it is
+        called for each shot of each view, with frames on the first axis."""
         frames = ~self.nothing
         for view in views:
             each = np.concatenate([find(view[shot]) for shot in self.shots])
@@ -144,7 +145,7 @@ class KeypointTrack:
 
 
 def _repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
-    """Frames that repeat the one before, in the middle of motion."""
+    """Frames that repeat the frame before, while the hand moves before and after."""
     found = track.nothing
     for run in stops(track, track.joints):
         found[run.start + 1 : run.stop + 1] = True
@@ -152,7 +153,7 @@ def _repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
 
 
 def stiff(track: KeypointTrack) -> Bool[Tensor, " T"]:
-    """Frames of one and the same hand shape, such as a mean one, in a hand that moves."""
+    """Frames with a constant finger pose, such as a mean pose, while the hand moves."""
     found, still = track.nothing, standing(track.joints)
     shape = (track.joints - track.joints[:, :1]) @ palm_axes(track.joints[:, None])
     for run in stops(track, shape):
@@ -161,13 +162,13 @@ def stiff(track: KeypointTrack) -> Bool[Tensor, " T"]:
 
 
 def standing(points: Float[Tensor, "T 21 3"]) -> Bool[Tensor, " N"]:
-    """Whether points stand still from each frame to the next."""
+    """Whether all points are at rest between each frame and the next."""
     return points.diff(dim=0).abs().flatten(1).amax(1) < SAME
 
 
 def stops(track: KeypointTrack, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
-    """Runs of steps between observed frames in which points stand still, and which begin and end
-    with a leap."""
+    """Runs of steps between observed frames in which all points are at rest, with steps longer than
+    `LEAP` before and after."""
     seen = track.trusted.any(-1)
     steps = points.diff(dim=0).norm(dim=-1).mean(-1)
     leaps = (steps > LEAP * max(1.0, 30 / track.fps) ** 2).cpu().numpy()
@@ -178,7 +179,7 @@ def stops(track: KeypointTrack, points: Float[Tensor, "T 21 3"]) -> Iterator[sli
 
 
 def displaced(track: KeypointTrack) -> Bool[Tensor, " T"]:
-    """Frames in which the palm is where no possible motion brings it."""
+    """Frames with a palm position that no possible motion reaches; see `possible_places`."""
     middles = [palm.places for palm in track.palms]
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
@@ -187,7 +188,7 @@ def displaced(track: KeypointTrack) -> Bool[Tensor, " T"]:
 
 
 def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
-    """Frames in which the palm is turned as no possible motion turns it."""
+    """Frames with a palm orientation that no possible motion reaches; see `longest_chain`."""
     palms = [palm.turns for palm in track.palms]
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
     limit = min(limit, LARGEST_TURN)
@@ -197,9 +198,9 @@ def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
 
 
 def change_limit(steps: Iterable[Float[np.ndarray, "N 3"]], change: float, fps: float) -> float:
-    """How much a step may differ from the one before, radians or metres, where `steps` are those of
-    one motion as several see it."""
-    # a track that flickers between two hands leaps in more than half of its frames
+    """Limit of the change between consecutive steps, radians or metres; `steps` are those of one
+    motion in several frames of reference."""
+    # not the median: a track that flickers between two hands jumps in more than half of its frames
     changes = [np.linalg.norm(np.diff(step, axis=0), axis=1) for step in steps]
     usual = min(float(np.quantile(change, 0.25)) for change in changes)
     return max(change * max(1.0, 30 / fps), BENDS * usual)
@@ -208,13 +209,13 @@ def change_limit(steps: Iterable[Float[np.ndarray, "N 3"]], change: float, fps: 
 def curls(
     joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"], side: Side
 ) -> Float[Tensor, " T"]:
-    """By how much the fingers bend forward, in lengths of the palm; NaN where nothing is known."""
+    """Forward curl of the fingers in palm lengths; NaN where keypoints are not trusted."""
     known = joints.masked_fill(~trusted[..., None], torch.nan)
     return finger_curls(known, side) / palm_length(known)
 
 
 def other_side(track: KeypointTrack) -> Bool[Tensor, " T"]:
-    """Frames whose fingers bend backward, while those around them bend forward."""
+    """Frames in which the fingers bend backward, unlike in the neighbouring frames."""
     curl = curls(track.joints, track.trusted, track.side).cpu().numpy()
     found = track.nothing
     for run in runs(curl < BACKWARD):
@@ -231,4 +232,4 @@ FAULTS = (
     (turned_over, "is turned as no motion turns it", False),
     (other_side, "is bent backward, as one of the other side,", False),
 )
-"""What finds the frames of each fault, its words, and whether it is of the fingers alone."""
+"""Detector of each fault, its description, and whether it concerns the fingers alone."""

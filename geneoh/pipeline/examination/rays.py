@@ -1,8 +1,8 @@
-"""The ray of a camera that nobody told, from the noise of the hand that was seen along it.
+"""Estimate an unknown camera ray from the direction of a hand's jitter.
 
-An image tells depth worst, so the estimated place of a hand jitters more along the ray of the
-camera than across it. Where it clearly does, that direction is taken for the ray: along it are the
-errors that last, which no jitter shows and which SpatialDiff looks for.
+Depth is the least certain coordinate in an image, so the estimated hand jitters more along the
+camera ray than across it. A direction of significantly larger jitter is taken for the ray, along
+which SpatialDiff also expects the constant errors.
 """
 
 from dataclasses import dataclass, replace
@@ -18,24 +18,23 @@ from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LEAST_FRAMES = 20
-"""Number of differences below which they tell no direction."""
+"""Least number of differences from which a direction is estimated."""
 LEAST_JITTER = 0.001
-"""Jitter along the ray below which nothing is told, metres. At fewer than 30 frames a second motion
-looks like jitter, with the square of the time between frames, and the bound grows with that."""
+"""Least jitter along the ray, metres. Below 30 frames a second motion looks like jitter, in
+proportion to the square of the time between frames, and the bound is scaled by that."""
 CHANCE = 10.0
-"""Of N differences, the variance along the ray is at least `1 + CHANCE / sqrt(N)` times the next
-one. Noise that is alike in all directions exceeds that in one of fifty tracks of 120 frames."""
+"""With N differences, the variance along the ray must be at least `1 + CHANCE / sqrt(N)` times the
+next one. Isotropic noise exceeds this bound in one of fifty tracks of 120 frames."""
 MOST_COUNTED = 600
-"""Differences beyond which more of them do not lower that bound. It is 1.41 then, 1.19 times as
-much along the ray as across it, where made clips have 1.6 to 2.4 under the noise of a camera. The
-motion of a hand, which is not alike in all directions either, makes 1.1 of noise that is."""
+"""Number of differences beyond which the bound stays constant, at a variance ratio of 1.41 or a
+ratio of standard deviations of 1.19. Synthetic clips have 1.6 to 2.4 under camera noise; isotropic
+noise together with the anisotropic motion of hands has 1.1."""
 WHITE = 0.7
-"""Share of the jitter by second differences that fourth ones show at least: of motion they show
-less."""
+"""Least ratio of the jitter in fourth to that in second differences: for motion it is lower."""
 FREEDOM, ITERATIONS = 4.0, 30
-"""Degrees of freedom of Student's t, so that outliers count little, and iterations of its fit."""
+"""Degrees of freedom of Student's t, which weights outliers down, and iterations of its fit."""
 NORMAL_MEDIAN = 0.6745
-"""Median size of a standard normal number."""
+"""Median absolute value of a standard normal variable."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,12 @@ class FoundRay:
     """The direction along which a hand jitters most."""
 
     direction: Float[Tensor, " 3"]
-    """Unit vector, world. Whether it leads to the camera or away from it is not known."""
+    """Unit vector, world frame; its sign is arbitrary."""
     times: float
-    """How many times as much the hand jitters along it as along the next direction."""
+    """Ratio of the jitter along it to that along the next principal direction."""
 
     def sentence(self, side: Side) -> str:
-        """What a user should know of it."""
+        """Sentence for the user."""
         x, y, z = self.direction.tolist()
         return (
             f"the {side} hand jitters {self.times:.1f} times as much along ({x:.2f}, {y:.2f}, "
@@ -58,10 +57,10 @@ class FoundRay:
 
 
 def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | None:
-    """The ray of the camera that saw a hand, the same in all frames; None where noise tells none.
+    """The camera ray estimated from a hand's jitter, constant over frames; None if not significant.
 
-    The palm is seen from where it moves least, which is the world or a part of the object, so that
-    the motion of a hand with its object is not taken for noise.
+    Jitter is measured in the frame in which the palm moves least, the world or an object part, so
+    that the motion of a hand with its object is not taken for noise.
     """
     points, known = palm_points(filled_keypoints(hand), hand.trust > 0)
     middle = points.mean(1)
@@ -85,9 +84,9 @@ def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | No
 
 
 def with_found_rays(sequence: Sequence, chosen: Preset) -> tuple[Sequence, list[str]]:
-    """The sequence with the rays that the stages are shown, and what a user should know of them.
+    """The sequence with the camera rays that the stages get, and sentences for the user.
 
-    The poses of its object are those that the stages see.
+    The object of `sequence` must have its cleaned poses.
     """
     hands, said = list(sequence.hands), []
     for index, hand in enumerate(hands):
@@ -107,8 +106,8 @@ def bends(
     order: int,
     turns: Float[Tensor, "T 3 3"] | None = None,
 ) -> Float64[Tensor, "N 3"]:
-    """Differences of an order between frames that are all known, in units in which white noise
-    keeps its deviation; turned to the world by the rotation of the frame that they are seen from.
+    """Temporal differences of an order over known frames, scaled to keep the standard deviation of
+    white noise; rotated to world axes by `turns`, the rotation of the frame of `places`.
     """
     if len(places) <= order:
         return places.new_zeros(0, 3).double()
@@ -120,9 +119,9 @@ def bends(
 
 
 def scatter(values: Float64[Tensor, "N 3"]) -> Float64[Tensor, "3 3"]:
-    """The scatter of Student's t around zero: a covariance to which outliers count little.
+    """Robust covariance: the scatter matrix of Student's t with mean zero.
 
-    By fixed-point iteration (Kent and Tyler 1991).
+    Fixed-point iteration (Kent and Tyler 1991).
     """
     identity = torch.eye(3).to(values)
     found = identity * values.square().mean().clamp(min=1e-12)
@@ -130,5 +129,5 @@ def scatter(values: Float64[Tensor, "N 3"]) -> Float64[Tensor, "3 3"]:
         away = (values * torch.linalg.solve(found, values.mT).mT).sum(-1)
         weight = (FREEDOM + 3) / (FREEDOM + away)
         found = (weight[:, None] * values).mT @ values / len(values)
-        found = found + identity * (1e-9 * found.trace() + 1e-15)  # a line has a scatter too
+        found = found + identity * (1e-9 * found.trace() + 1e-15)  # invertible for points on a line
     return found

@@ -1,4 +1,4 @@
-"""A video that was cut: its shots are cleaned one by one, and what was found of them is joined."""
+"""Videos with cuts: find the shots, which are cleaned one by one, and join their results."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -17,14 +17,14 @@ from geneoh.sequence.shots import shots_of
 
 
 def cuts_in(sequence: Sequence) -> list[int]:
-    """The first frames of shots: where one of the hands leaps, all are cut."""
+    """First frames of all shots but the first: a jump of one hand cuts all hands."""
     cuts = {shot.start for hand in sequence.hands for shot in shots_of(hand, sequence.fps)}
     return sorted(cuts - {0})
 
 
 def common_shots(sequence: Sequence) -> list[slice]:
-    """The shots between cuts in each of which every hand is observed, and the object if it ever is:
-    they can be cleaned by themselves. Others are joined."""
+    """Shots that can be cleaned independently: in each, every hand is observed, and so is the
+    object if it is observed in any frame. A shot that lacks one is merged with its neighbour."""
 
     def is_whole(shot: slice) -> bool:
         part = sequence[shot]
@@ -39,7 +39,7 @@ def common_shots(sequence: Sequence) -> list[slice]:
 
 
 def told_of(sequence: Sequence, shots: list[slice]) -> Iterator[str]:
-    """What a user should know of cuts, between which `shots` are cleaned by themselves."""
+    """Sentences for the user about cuts: between `shots`, and inside of them."""
     within = [shot.start + cut for shot in shots for cut in cuts_in(sequence[shot])]
     for where, cure in (
         ([shot.start for shot in shots[1:]], "each shot is cleaned by itself"),
@@ -57,7 +57,7 @@ def told_of(sequence: Sequence, shots: list[slice]) -> Iterator[str]:
 
 
 def joined_shots(parts: list[Denoised], shots: list[slice]) -> Denoised:
-    """The results of all shots as one of the whole video; their hands have the same betas."""
+    """Concatenate the results of all shots; their hands have the same betas."""
     first = parts[0]
     depths = [part.hands_in_each_other for part in parts if part.hands_in_each_other]
     examined = [part.examined for part in parts if part.examined]
@@ -72,7 +72,7 @@ def joined_shots(parts: list[Denoised], shots: list[slice]) -> Denoised:
 
 
 def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
-    """One hand of all shots; the sample that was kept of each comes first."""
+    """Concatenate one hand over all shots, with the kept sample of each shot first."""
     parts = [replace(part, samples=part.samples.roll(-max(part.chosen, 0), 0)) for part in parts]
     seen = [int((~part.filled).sum()) for part in parts]
     moved = sum(count * part.moved for count, part in zip(seen, parts, strict=True)) / sum(seen)
@@ -90,7 +90,7 @@ def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
 
 
 def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
-    """What all shots say of the object, with the noise of the worst of them."""
+    """Concatenate the examinations of all shots, with the largest noise among them."""
     return replace(
         concatenated(parts),
         rotation_noise=torch.stack([part.rotation_noise for part in parts]).amax(0),
@@ -100,7 +100,7 @@ def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
 
 
 def _said(notes: list[tuple[str, ...]], shots: list[slice]) -> tuple[str, ...]:
-    """Notes on all shots once, and those on some of them with their frames."""
+    """Notes that all shots share once, and others with the frames of their shot."""
     said: dict[str, None] = {}
     for own, shot in zip(notes, shots, strict=True):
         frames = f"frames {shot.start} to {shot.stop - 1}"

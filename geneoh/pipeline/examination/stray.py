@@ -1,8 +1,7 @@
-"""Single keypoints that a tracker put apart from the hand: they count for nothing.
+"""Detect stray keypoints, which a tracker placed apart from the hand, and give them zero trust.
 
-A hand is rigid but for its joints. Where the distance of two neighbouring keypoints is not what it
-is in the other frames, one of them is wrong, and would make the networks bend every frame around
-it.
+Bones are rigid. If the distance of two neighbouring keypoints differs from that in the other
+frames, one of them is wrong, and would make the networks bend the fingers in the frames around it.
 """
 
 from dataclasses import replace
@@ -16,17 +15,17 @@ from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.sequence.sequence import HandTrack
 
 EDGES = (*((KEYPOINT_PARENTS[k], k) for k in range(1, 21)), (1, 5), (5, 9), (9, 13), (13, 17))
-"""Keypoints that keep their distance: bones, and the knuckles beside each other."""
+"""Pairs of keypoints with constant distance: bones, and neighbouring knuckles."""
 ENDS = torch.zeros(len(EDGES), 21).index_put_(
     (torch.arange(len(EDGES)).repeat(2), torch.tensor(EDGES).T.flatten()), torch.tensor(1.0)
 )
-SHORTEST = 10  # frames below which nothing tells what a distance usually is
-LEAST, DEVIATIONS = 0.02, 6.0  # a distance is wrong from 2 cm and so many usual deviations on
-MOST = 5  # stray keypoints of a frame; with more of them the whole hand is wrong, or another one
+SHORTEST = 10  # observed frames that are needed for reliable median distances
+LEAST, DEVIATIONS = 0.02, 6.0  # a distance is wrong beyond 2 cm and 6 standard deviations
+MOST = 5  # stray keypoints per frame; with more, the whole hand is wrong, or another hand
 
 
 def without_strays(hand: HandTrack) -> tuple[HandTrack, tuple[str, ...]]:
-    """The track in which stray keypoints have no confidence, and what to say of it."""
+    """The track with zero confidence for stray keypoints, and sentences for the user."""
     if hand.joints is None or int(hand.observed.sum()) < SHORTEST:
         return hand, ()
     stray = strays(hand.joints, hand.trust > 0)
@@ -38,20 +37,20 @@ def without_strays(hand: HandTrack) -> tuple[HandTrack, tuple[str, ...]]:
 
 
 def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bool[Tensor, "T 21"]:
-    """Trusted keypoints that are not where their neighbours allow."""
+    """Mask of trusted keypoints whose distance to their neighbours is wrong."""
     ends = ENDS.to(joints)
     known = joints.masked_fill(~trusted[..., None], torch.nan)
     start, end = torch.tensor(EDGES, device=joints.device).T
     length = (known[:, start] - known[:, end]).norm(dim=-1)
     usual = length.nanmedian(0).values
-    # hands that an estimator sees nearer or farther are larger or smaller
+    # the scale of a hand varies with the depth that an estimator assumes
     size = (length / usual).nanmedian(1, keepdim=True).values
     off = (length - size * usual).abs()
     broken = off > (DEVIATIONS * 1.4826 * off.nanmedian(0).values).clamp(min=LEAST)
     found, here = torch.zeros_like(trusted), (~off.isnan()).to(joints)
     mean = (off.nan_to_num() @ ends) / (here @ ends).clamp(min=1)
     for _ in range(MOST + 1):
-        # the one with most of the wrong distances; of several the one whose others are off as well
+        # the keypoint with most wrong distances; ties go to the largest mean deviation
         worst = (broken.to(joints) @ ends + mean / (mean.amax(-1, keepdim=True) + 1)).argmax(-1)
         new = torch.nn.functional.one_hot(worst, 21).bool() & broken.any(-1, keepdim=True)
         found |= new

@@ -1,1 +1,1 @@
-"""The three stages, and what they see of a sequence."""
+"""The three denoising stages and their input."""

@@ -1,6 +1,6 @@
-"""A hand without an object, which is one more natural case for MotionDiff: far from any surface all
-that it reads of the object is zero. The canonical frame stands still in the world, in the middle of
-the hand's path."""
+"""The stage context of a hand without an object. MotionDiff treats it as a hand far from any
+surface, where all its object features are zero. The canonical frame is fixed in the world, at the
+centre of the hand's path."""
 
 import math
 from dataclasses import dataclass, fields
@@ -26,7 +26,7 @@ from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
 from geneoh.sequence.keypoints import palm_axes
 
-FAR = 1.0  # metres at which nothing of a surface is seen: closeness decays over centimetres
+FAR = 1.0  # distance of the dummy surface, metres: closeness features decay over centimetres
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class HandAlone(StageContext):
     def nearest_surface(
         self, joints: Float[Tensor, "T 21 3"]
     ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
-        """A surface too far away to be seen."""
+        """A dummy surface `FAR` away, with zero closeness features."""
         up = joints.new_tensor([0.0, 0.0, 1.0]).expand_as(joints)
         return joints + FAR * up, -up
 
 
 def hand_alone(subject: Subject, fps: float) -> HandAlone:
-    """The context of a hand in a frame that stands still in the world, with the axes of the mean
-    palm: a scene may lie in any way."""
+    """The context of a hand in a frame that is fixed in the world, with the axes of the mean palm,
+    which makes the result independent of the scene's orientation."""
     joints = subject.joints
     axes, middle = palm_axes(joints[None])[0], joints.mean((0, 1))
     return HandAlone(
@@ -75,8 +75,8 @@ def measure_hand(
     *,
     within: float = TOUCH,
 ) -> tuple[InteractionReport, Float[Tensor, "T 5"] | None]:
-    """The report of a hand and its object over the valid frames, with NaN for what needs an object
-    where there is none; and how far each finger's skin is off in all frames, metres, exact up to
+    """Metrics over the valid frames, with NaN for those that need an object if there is none; and
+    the signed distance of each finger's skin to the object in all frames, metres, exact up to
     `within`."""
 
     def verts_of(frames: slice) -> Float[Tensor, "N V 3"]:

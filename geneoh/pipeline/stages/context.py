@@ -27,29 +27,29 @@ from geneoh.representation.region import ContactRegion, ObjectSurface, contact_r
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SURFACE_POINTS = 1024  # points drawn on the surface of the object, all parts together
-WINDOWS_AT_ONCE = 20  # of all samples together: memory does not grow with the track
+WINDOWS_AT_ONCE = 20  # batch size over windows and samples, which bounds the memory
 HELD_FRAMES = 150
-"""Frames around a window in which sliding is looked at: a hand keeps its hold for longer than two
-seconds, and the more the object turns, the more its sliding tells."""
+"""Frames around a window from which sliding is measured: grips last longer than two seconds, and
+sliding is better evidence the more the object turns."""
 CARRIED = 10.0
-"""Limit of a hand's noise as the world sees it, in multiples of its noise as its object sees it.
-SpatialDiff was trained with the second. With the first it finds more of the lasting errors, but
-takes a hand that hammers for a noisy one."""
+"""Upper bound of a hand's noise in the world frame, in multiples of its noise in the object frame.
+SpatialDiff was trained with the noise in the object frame. With that in the world frame it corrects
+more of the constant errors, but takes a hand that hammers for a noisy one."""
 
 
 @dataclass(frozen=True)
 class StageContext(ObjectSurface):
-    """What the stages know besides the hand: the object's surface and motion, and trust."""
+    """Input of the stages besides the hand: the object's surface and motion, trust, camera ray."""
 
     trust: Float[Tensor, "T 21"]
     fps: float
-    canonical: bool = True  # False for the ablation whose canonical frame stands still in the world
-    ray: Float[Tensor, "T 3"] | None = None  # unit direction from the camera, world; if known
+    canonical: bool = True  # False for the ablation with a canonical frame fixed in the world
+    ray: Float[Tensor, "T 3"] | None = None  # unit direction camera to hand, world; None if unknown
     object_noise: Float[Tensor, " 2"] | None = None
-    """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
-    was cleaned; None where it was exact."""
-    relied: Float[Tensor, " T"] | None = None  # of poses, 0 to 1; None for 1 in all frames
-    chosen: tuple[int, ...] | None = None  # first frame of each window; None for evenly apart
+    """Standard deviation of white noise on the object's rotation (rad) and translation (m) before
+    its track was cleaned; None if the object is trusted."""
+    relied: Float[Tensor, " T"] | None = None  # reliability of the poses, 0 to 1; None for 1
+    chosen: tuple[int, ...] | None = None  # first frame of each window; None for regular spacing
 
     @property
     def frames(self) -> int:
@@ -63,11 +63,11 @@ class StageContext(ObjectSurface):
 
     @property
     def size(self) -> int:
-        """Frames of a window: a short track is one window of its own length."""
+        """Frames per window: a short track is one window of its own length."""
         return min(WINDOW, self.frames)
 
     def cut(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
-        """Windows of a tensor whose frames lie on `axis`, a window axis W in front of it."""
+        """Cut a tensor with frames on `axis` into windows; a new axis W precedes the frames."""
         moved = values.movedim(axis, 0)
         windows = unfold(moved.flatten(1).movedim(0, -2), self.starts, self.size)
         windows = windows.unflatten(-1, moved.shape[1:])
@@ -78,12 +78,12 @@ class StageContext(ObjectSurface):
         return self.cut(values, 1).flatten(0, 1)
 
     def blend(self, windows: Float[Tensor, "B N ..."]) -> Float[Tensor, "S T ..."]:
-        """Inverse of `windows`: overlapping windows cross smoothly."""
+        """Inverse of `windows`: overlapping windows are cross-faded."""
         parted = windows.flatten(2).unflatten(0, (-1, len(self.starts)))
         return fold(parted, self.starts, self.frames).unflatten(-1, windows.shape[2:])
 
     def pieces(self, samples: int) -> "list[Piece]":
-        """All windows of a track, so many at a time that memory does not grow with it."""
+        """The windows of a track in groups of at most `WINDOWS_AT_ONCE` windows times samples."""
         size, found = max(1, WINDOWS_AT_ONCE // samples), []
         for at in range(0, len(self.starts), size):
             starts = self.starts[at : at + size]
@@ -101,7 +101,7 @@ class StageContext(ObjectSurface):
         return self.blend(torch.cat(each, dim=1).flatten(0, 1))
 
     def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
-        """Contact points of each window of each sample, from that sample's own hand."""
+        """Contact points and canonical frame of each window, for each sample's own hand."""
         surface = self.surface_windows(len(joints))
         region = contact_region(self.windows(joints), surface, count=POINTS, every=SELECT_EVERY)
         return region if self.canonical else region.held_still()
@@ -125,8 +125,8 @@ class StageContext(ObjectSurface):
         return ObjectSurface(points, normals, self.part.expand(batch, -1), rotation, translation)
 
     def evidence(self, observed: HandParameters, hand: HandParameters) -> SpatialEvidence:
-        """What tells SpatialDiff the place of each window, from the mean of all samples of a hand
-        as they come out of MotionDiff; `observed` is the one that went in."""
+        """Input of SpatialDiff for each window, from the mean of MotionDiff's samples `hand` and
+        the input `observed` of MotionDiff."""
         joints = self.windows(hand.joints.mean(0, keepdim=True))
         surface = self.surface_windows()
         before = repeated(observed, len(hand.wrist))
@@ -139,8 +139,8 @@ class StageContext(ObjectSurface):
         return SpatialEvidence.around(surface, joints, ray, track)
 
     def sliding(self, joints: Float[Tensor, "T 21 3"], track: Float[Tensor, "W 12"]) -> Sliding:
-        """How a hand slides over what it holds in each window and around it; `track` tells how
-        noisy each window was (`track_cues`)."""
+        """Sliding of a hand over the held part in the frames around each window; `track` has the
+        noise levels of each window (`track_cues`)."""
         around, moving = self._around_windows(), self._holding(joints)
         held = HeldPlace.of(*(values[around] for values in moving))
         return Sliding.of(held, track, self.size / around.shape[1])
@@ -148,10 +148,10 @@ class StageContext(ObjectSurface):
     def drift(
         self, joints: Float[Tensor, "T 21 3"], track: Float[Tensor, "W 12"]
     ) -> Float[Tensor, "T 3"]:
-        """The error of a hand's place that drifts, by what it holds in each window and around it.
+        """Drift of the hand over the held part (`geneoh.denoisers.drifting`), metres, world frame.
 
-        A track shorter than a window shows no usual place from which it could drift: 0. `track` is
-        that of `sliding`.
+        Zero for a track shorter than a window, which is too short for a reliable mean position.
+        `track` has the noise levels of each window (`track_cues`).
         """
         if self.frames < WINDOW:
             return torch.zeros_like(joints[:, 0])
@@ -168,7 +168,7 @@ class StageContext(ObjectSurface):
         return self.blend(torch.cat(found))[0]
 
     def _around_windows(self) -> Int[Tensor, "W N"]:
-        """Frames of each window and around it, `HELD_FRAMES` of them where there are so many."""
+        """Indices of `HELD_FRAMES` frames (or all) around the centre of each window."""
         span = min(HELD_FRAMES, self.frames)
         last, before = self.frames - span, (span - self.size) // 2
         device = self.rotation.device
@@ -180,7 +180,8 @@ class StageContext(ObjectSurface):
     ) -> tuple[
         Float[Tensor, "T 3"], Float[Tensor, "T Q 3 3"], Float[Tensor, "T Q 3"], Float[Tensor, "T Q"]
     ]:
-        """The middle of a hand, the motion of the object's parts, and how surely it holds each."""
+        """Centre of the hand, rotation and translation of the object's parts, and the confidence
+        that the hand holds each part."""
         apart = (self.nearest_surface(joints)[0] - joints).norm(dim=-1).amin(-1)
         held = holding(joints[None], self.rotation[None], self.translation[None], apart[None])[0]
         if self.relied is not None:
@@ -194,8 +195,8 @@ class StageContext(ObjectSurface):
         rotation: Float[Tensor, "B N 3 3"],
         translation: Float[Tensor, "B N 3"],
     ) -> Float[Tensor, "B 12"]:
-        """How noisy the hand was as the world sees it, or at most `CARRIED` times as the object
-        does."""
+        """Noise levels of the hand in the world frame, limited to `CARRIED` times those in the
+        object frame."""
         noise = self.points.new_zeros(2) if self.object_noise is None else self.object_noise
         known = self.cut(self.trust, 0).mean(-1), noise.to(self.points).expand(len(change), 2)
         wrist = ((seen.wrist - translation)[..., None, :] @ rotation)[..., 0, :]
@@ -221,7 +222,7 @@ class StageContext(ObjectSurface):
         return near.points[0], near.normals[0]
 
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
-        """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
+        """Windows of a world-frame hand (one sample) as the condition of MotionDiff."""
         nearest, outward = self.nearest_surface(hand.joints[0])
         surface = self.cut(nearest, 0), self.cut(outward, 0)
         trust = self.cut(self.trust, 0).mean(-1)
@@ -229,22 +230,22 @@ class StageContext(ObjectSurface):
 
 
 def repeated(hand: HandParameters, samples: int) -> HandParameters:
-    """One sample of a hand as so many equal ones."""
+    """One sample of a hand, expanded to `samples` equal samples."""
     return hand.map(lambda value: value.expand(samples, *value.shape[1:]))
 
 
 class Piece(NamedTuple):
     """Some neighbouring windows of a track."""
 
-    windows: slice  # which of the windows of the track
-    frames: slice  # the frames that they cover
-    context: StageContext  # what the stages know of these frames, cut into these windows
+    windows: slice  # indices among the windows of the track
+    frames: slice  # frames of the track that these windows cover
+    context: StageContext  # context of these frames, with these windows
 
     def steps(
         self, observed: Float[Tensor, "1 F 21 3"], joints: Float[Tensor, "1 F 21 3"]
     ) -> TemporalEvidence:
-        """How the hand `joints` moves over the surface in each window, as TemporalDiff sees it;
-        `observed` is the hand before MotionDiff, in the frames of the piece."""
+        """Input of TemporalDiff for each window, from the hand `joints` after SpatialDiff and the
+        hand `observed` before MotionDiff, both in the frames of the piece."""
         trust = self.context.trust.mean(-1)[None]
         evidence = TemporalEvidence.at(self.context.surface, joints, observed, trust)
         return evidence.map(self.context.windows)
@@ -253,7 +254,7 @@ class Piece(NamedTuple):
 def stage_context(
     surface: MovingSurface, subject: Subject, fps: float, *, generator: torch.Generator
 ) -> StageContext:
-    """The object's surface and motion; points are shared among parts by area."""
+    """The context of a hand with an object; surface points are distributed over parts by area."""
     fields = surface.fields
     areas = torch.tensor([float(field.mesh.face_vectors().norm(dim=-1).sum()) for field in fields])
     counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)

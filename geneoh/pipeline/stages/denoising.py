@@ -1,9 +1,9 @@
-"""The three stages on world hands: window, canonicalise, denoise, blend back.
+"""The three stages on world-frame hands: window, canonicalise, denoise, blend back.
 
-Windows and samples share one batch, as many as `StageContext.pieces` has at a time. In
-`denoise_motion` the whole track is diffused in the object's frame: each denoiser call cuts the
-track into windows and blends their results, so that windows agree at every noise level and no seam
-forms. A rigid motion of the scene moves the result rigidly. The stages in the paper's form are in
+Windows and samples form one batch, limited by `StageContext.pieces`. In `denoise_motion` the whole
+track is diffused in the object frame: each denoiser call cuts the track into windows and blends
+their results, so that windows agree at every noise level and no seam forms. All stages are
+equivariant under rigid motions of the scene. Their paper's form is in
 `geneoh.pipeline.stages.paper`.
 """
 
@@ -30,12 +30,12 @@ from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.windows import blocks
 
 CONSTANT_SHARE = 0.85
-"""Correlation of the shifts of two windows far apart: most of what lasts for a window lasts for the
-whole clip, as the depth of a camera's estimates does."""
+"""Correlation of the shifts of two windows far apart: most errors that are constant in a window are
+constant over the whole clip, such as errors of a camera's depth estimates."""
 TOGETHER = 64
-"""Windows whose shifts are found together, a minute of them: the work grows with their cube."""
+"""Windows whose shifts are solved for jointly, about a minute: the cost is cubic in them."""
 LASTING, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
-"""What of a shift by TemporalDiff lasts, and its largest length in metres: 5 mm are usual."""
+"""Low-pass filter and limit, metres, of the slow part of TemporalDiff's shift: 5 mm are usual."""
 
 
 def denoise_motion(
@@ -48,9 +48,9 @@ def denoise_motion(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> HandParameters:
-    """MotionDiff: `samples` hands of the world with natural canonical trajectories.
+    """MotionDiff: `samples` world-frame hands with natural canonical trajectories.
 
-    `hand` is the observed one in the world frame, one sample, gaps filled.
+    `hand` is the observed hand in the world frame, one sample, gaps filled.
     """
     pieces = context.pieces(samples)
     advance = counted(on_step, plan.calls * len(pieces))
@@ -65,7 +65,7 @@ def denoise_motion(
         def answer(index: int) -> Tensor:
             _, frames, piece = pieces[index]
             windows = piece.windows(x[:, frames])
-            # a copy, so that what the network reads is not kept: on long tracks it is too much
+            # a copy, so that its cached network input is freed: it is too large on long tracks
             found = model(windows, windows.new_full((len(windows),), sigma), replace(seen[index]))
             advance()
             return found
@@ -74,7 +74,7 @@ def denoise_motion(
 
     still = hand.wrist.new_zeros(samples, context.frames, 51)
     change = diffused(clean, still, plan, samples, generator)
-    if context.canonical:  # the wrist moves in the axes of the object's first part
+    if context.canonical:  # wrist changes are in the axes of the object's first part
         change = turned(change, context.rotation[:, 0].mT)
     return repeated(hand, samples).moved(change)
 
@@ -89,14 +89,15 @@ def denoise_spatial(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> tuple[HandParameters, Float[Tensor, " T"]]:
-    """SpatialDiff: hands of the world in places where their relations to the surface are natural.
+    """SpatialDiff: world-frame hands, shifted to where their relations to the surface are natural.
 
-    The place is one shift per window, because the errors that it mends last. All samples ask about
-    their mean and get a shift each, drawn from its density, so that their mean is the density's.
-    What then drifts over the object that the hand holds is taken away from all of them alike.
+    Each window has one shift, because the errors that it corrects are constant over a window. The
+    density of the shift is evaluated for the mean of the samples. Each sample gets a shift drawn
+    from it, such that the mean over samples is the mean of the density. Then the drift over a held
+    object is subtracted from all samples.
 
     `observed` is the input, one sample, gaps filled; `hand` has the samples of the stage before.
-    Also the deviation of the place in each frame, metres.
+    Also returns the standard deviation of the shift in each frame, metres.
     """
     count = plan.frames or model.config.frames
     evidence = concatenated(
@@ -130,10 +131,10 @@ def denoise_spatial(
 
 
 def _width_of_place(found: list[Posterior], ray: Float[Tensor, "W 3"]) -> Float[Tensor, " W"]:
-    """Deviation of the place in each window, metres.
+    """Standard deviation of the shift in each window, metres.
 
-    Along the ray of a camera, zero where it is not known, the place is uncertain for hands that
-    hold, too: there only the deviation across it counts, as much in all three dimensions.
+    Along a camera ray (zero if unknown) the shift is uncertain even for a hand that holds, so the
+    result is then the deviation across the ray, scaled from two to three dimensions.
     """
     widths = list[Tensor]()
     for part, along in zip(found, ray.split(TOGETHER), strict=True):
@@ -147,7 +148,7 @@ def _width_of_place(found: list[Posterior], ray: Float[Tensor, "W 3"]) -> Float[
 def _of_all_windows(
     each: Posterior, prior_root: Float[Tensor, "W 3 3"], context: StageContext
 ) -> list[Posterior]:
-    """The shifts of `TOGETHER` windows at a time as one axis: lasting errors are alike in all."""
+    """Joint posteriors of the shifts of `TOGETHER` windows at a time, which are correlated."""
     first = torch.tensor(context.starts).to(each.mean)
     fresh = min(1.0, context.frames / (len(first) * context.size))
     found: list[Posterior] = []
@@ -168,9 +169,10 @@ def denoise_temporal(
     *,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """TemporalDiff: world keypoints whose steps over the object are natural; needs two frames.
+    """TemporalDiff: world keypoints whose displacements over the object are natural.
 
-    All samples ask about their mean, and are moved by the same shift: what they differ in stays.
+    The correction is computed for the mean of the samples and added to all of them, so their
+    differences stay. A track of one frame is unchanged.
 
     `observed` is the hand before MotionDiff, gaps filled; `whole` has the samples of the stage
     before.
@@ -192,10 +194,10 @@ def denoise_temporal(
 
 
 def without_drift(shift: Float[Tensor, "S T 21 3"], fps: float) -> Float[Tensor, "S T 21 3"]:
-    """A shift made of steps, whose lasting part is at most `LARGEST_DRIFT`.
+    """A shift that was integrated from displacements, with its slow part at most `LARGEST_DRIFT`.
 
-    Steps tell nothing of a place: where they are faster than the network knows, small errors of
-    many of them add up to centimetres.
+    Displacements do not determine positions: in motion that is faster than in training, small
+    errors of many displacements add up to centimetres.
     """
     lasting = smooth(shift.movedim(1, 0), LASTING, fps).movedim(0, 1)
     size = lasting.norm(dim=-1, keepdim=True)
@@ -212,7 +214,7 @@ def diffused(
     *,
     noise: Tensor | None = None,
 ) -> Tensor:
-    """`start`, denoised via diffusion from the noise level and in the steps of a plan."""
+    """`start`, denoised via diffusion with the noise level, steps and sampler of a plan."""
     return denoise_via_diffusion(
         model,
         start,

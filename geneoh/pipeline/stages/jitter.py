@@ -1,4 +1,4 @@
-"""The jitter that the networks leave in the samples of a noisy hand, and its removal."""
+"""Remove the jitter that the networks leave in the samples of a noisy hand."""
 
 from jaxtyping import Float
 from torch import Tensor
@@ -9,24 +9,24 @@ from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.stages.context import StageContext
 
 QUIET, NOISY = 0.0015, 0.003
-"""White noise of the observed fingertips per axis, metres: below the first the samples stay as they
-are, from the second on they are smoothed in full. Recorded hands have 0.0012."""
+"""White noise of the observed fingertips per axis, metres: up to the first bound the samples are
+unchanged, from the second on they are fully smoothed. Recorded hands have 0.0012."""
 GENTLE = Filter("gaussian", 1.0)
-"""The filter for a hand alone; its size is in frames."""
+"""Filter for a hand alone; its size is in frames."""
 STILL, SHAKY = 0.0006, 0.0012
-"""The same two bounds for the samples of a hand against its object, whose fingertips have up to
-0.0004 where it holds."""
+"""The same bounds for the remaining noise of samples in the object frame, metres; the fingertips of
+hands that hold have up to 0.0004."""
 SHAPE_KEEPING = Filter("savgol", 7.0)
-"""The filter for a hand that moves over its object; it keeps motion of up to 3 Hz."""
+"""Filter for a hand that moves over its object; it keeps motion of up to 3 Hz."""
 
 
 def without_jitter(
     samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"], fps: float
 ) -> Float[Tensor, "S T 21 3"]:
-    """Samples of a hand alone, smoothed by as much as the observed hand is noisy.
+    """Samples of a hand alone, smoothed in proportion to the white noise of the observed hand.
 
-    Each window of the networks has its own view of the noise, and no contact holds the hand: what
-    jitter is left is taken out where the input has white noise, and quiet inputs keep their motion.
+    Windows are denoised differently and no contact constrains the hand, so jitter remains in noisy
+    inputs. Quiet inputs keep their motion.
     """
     share = share_of_jitter(observed, QUIET, NOISY)
     return samples + share * (_smoothed(samples, GENTLE, fps) - samples)
@@ -35,11 +35,11 @@ def without_jitter(
 def without_jitter_over_object(
     context: StageContext, samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"]
 ) -> Float[Tensor, "S T 21 3"]:
-    """Samples against an object, without the jitter that they share with the observed hand.
+    """Samples of a hand with an object, smoothed where the observed and the cleaned hand jitter.
 
-    MotionDiff has learned from hands that hold, and leaves half of the noise of one that moves fast
-    over its object, such as over a table that it wipes. The jitter is measured and taken out in the
-    object's frame, in which a hand that holds rests, however fast both move.
+    MotionDiff is trained on hands that hold, and leaves half of the noise of a hand that moves fast
+    over its object, such as one that wipes a table. Jitter is measured and removed in the object
+    frame, in which a hand that holds rests, however fast both move.
     """
     turn, place = context.rotation[:, 0], context.translation[:, 0, None]
     local, given = (samples - place) @ turn, (observed - place) @ turn
@@ -54,9 +54,9 @@ def without_jitter_over_object(
 
 
 def share_of_jitter(joints: Float[Tensor, "T 21 3"], quiet: float, noisy: float) -> float:
-    """0 where the white noise of the fingertips is up to `quiet`, metres per axis, 1 from `noisy`.
+    """White noise of the fingertips as a share: 0 up to `quiet`, 1 from `noisy` (metres per axis).
 
-    Also 0 for fewer than five frames, which do not tell it.
+    Also 0 for fewer than five frames, from which it cannot be estimated.
     """
     if len(joints) < 5:
         return 0.0

@@ -1,6 +1,7 @@
 """The three stages in the paper's form, on world keypoints (3.2; appendices A.2, C.4, C.5).
 
-Each window is diffused alone, and windows are blended at the end. Only the preset `paper` has them.
+Each window is diffused independently, and windows are blended at the end. Only the preset `paper`
+uses these functions.
 """
 
 from collections.abc import Callable
@@ -24,8 +25,8 @@ from geneoh.representation.temporal import encode_temporal
 from geneoh.representation.window_scale import WindowScale
 
 ALIGN_POINTS = 16
-"""Number of contact points that keypoints are aligned to, those nearest to the hand; far ones would
-hardly count."""
+"""Number of contact points, nearest to the hand, that keypoints are aligned to; others would have
+almost no weight."""
 
 
 def denoise_trajectory(
@@ -39,10 +40,10 @@ def denoise_trajectory(
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff: world keypoints with natural canonical trajectories.
 
-    The samples are all the input. Every window has `plan.chains` of its own, or one for each sample
-    if these are more, in units of its own deviation; those that end closest to the input are kept,
-    the closest first, and windows are blended after. The paper chooses after the last stage: the
-    later ones change less.
+    All samples of `whole` are the input. Every window is diffused in units of its own standard
+    deviation, in `plan.chains` chains but at least one per sample. Per window the chains that end
+    closest to the input are kept, the closest first, and windows are blended afterwards. The paper
+    selects after the last stage; here it is done before the later stages, which change less.
     """
     samples = len(whole)
     chains = max(samples, plan.chains)
@@ -72,8 +73,7 @@ def _closest(
     trust: Float[Tensor, "W T 21"],
     count: int,
 ) -> Float[Tensor, "S W T 21 3"]:
-    """The chains of each window that ended closest to the keypoints that were seen, the closest
-    first."""
+    """The `count` chains of each window that are closest to the trusted input, closest first."""
     order = (trust * (each - given).norm(dim=-1)).mean((2, 3)).argsort(0)[:count]
     return each[order, torch.arange(each.shape[1], device=each.device)]
 
@@ -89,8 +89,8 @@ def denoise_relations(
 ) -> Float[Tensor, "S T 21 3"]:
     """SpatialDiff: world keypoints with natural offsets to the contact points.
 
-    Each contact point has a diffusion chain of its own, in units of the window's deviation; the
-    average of the hands that they imply is taken at the end (eq. 8).
+    Each contact point has its own diffusion chain, in units of the window's standard deviation; the
+    resulting hands of all contact points are averaged at the end (eq. 8).
     """
 
     def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
@@ -128,7 +128,7 @@ def denoise_latent(
     if context.frames < 2:
         return whole
     align, noise = align or AlignConfig(), None
-    if plan.sampler != "direct":  # for the whole track, so that it does not depend on the pieces
+    if plan.sampler != "direct":  # noise of the whole track at once, independent of the pieces
         pairs = (len(whole) * len(context.starts), context.size - 1, model.config.latent)
         noise = antithetic_noise(whole.new_empty(pairs), samples=len(whole), generator=generator)
         noise = noise.unflatten(0, (len(whole), -1))
@@ -162,9 +162,9 @@ def _piece_by_piece(
     *,
     at_once: int | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """The windows that `work` makes of each piece, blended; all windows are independent.
+    """Apply `work` to each piece and blend the resulting windows, which are independent.
 
-    `at_once` is how many times a window is worked on together, where that is not `samples`.
+    `at_once` is the number of copies of each window in a batch, by default `samples`.
     """
     pieces = context.pieces(at_once or samples)
     made = (work(piece, part_of(on_step, index, len(pieces))) for index, piece in enumerate(pieces))

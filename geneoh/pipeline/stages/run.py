@@ -25,23 +25,23 @@ from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks
 
-LEAST_EVIDENCE = 0.02  # reliance on poses below which the stages that look at them are not run
-FARTHEST = 10.0  # metres from the input that no sound network moves a keypoint
+LEAST_EVIDENCE = 0.02  # evidence of the object up to which the stages run without it
+FARTHEST = 10.0  # distance from the input, metres, that shows damaged network weights
 OF_THE_PAPER: dict[str, tuple[str, Callable[..., Tensor]]] = {
     "motion": ("trajectory", denoise_trajectory),
     "spatial": ("relations", denoise_relations),
     "temporal": ("latent", denoise_latent),
 }
-"""The network of each stage in the form of the paper, and its work."""
+"""Network name and stage function of each stage in the paper's form."""
 
 
 @dataclass(frozen=True)
 class StageRun:
-    """What the stages of one hand share, whatever they see around it."""
+    """Networks and input of the stages of one hand, for runs with and without the object."""
 
     denoisers: Denoisers
     subject: Subject
-    given: HandState  # the input as hand parameters
+    given: HandState  # pose parameters of the input
     progress_of: Callable[[str], OnStep]  # progress callback of a stage, by its name
     generator: torch.Generator  # source of all noise
 
@@ -56,10 +56,10 @@ class StageRun:
         ray: Float[Tensor, "T 3"] | None = None,
         object_noise: Float[Tensor, " 2"] | None = None,
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
-        """Samples against the object as far as it is relied on, else of the hand alone.
+        """Samples with the object, blended with samples of the hand alone where it is unreliable.
 
-        `poses` and `near` are those of `geneoh.objects.evidence.blended`. Also `near` after
-        SpatialDiff, which tells whether the hand is at the object.
+        `poses` and `near` are as in `geneoh.objects.evidence.blended`. Also returns `near` times
+        the evidence from SpatialDiff that the hand touches the object.
         """
         samples = None
         if surface is not None and bool((near * poses > LEAST_EVIDENCE).any()):
@@ -88,10 +88,10 @@ class StageRun:
         self, context: StageContext, preset: Preset
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
         """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch; and the
-        deviation of the place that SpatialDiff finds, metres, if it is asked.
+        standard deviation of SpatialDiff's shift in each frame, metres, or None without it.
 
         Raises:
-            CheckpointError: a network answers with NaN or infinity, or with a hand far away.
+            CheckpointError: a network predicts NaN or infinity, or a hand far from the input.
         """
         if preset.observed:
             joints, width = self._by_parameters(context, preset)

@@ -1,1 +1,1 @@
-"""Cleaning of frames as they come."""
+"""Online cleaning, frame by frame."""

@@ -1,4 +1,4 @@
-"""What is doubtful about the first frames of a stream: the checks that files get, once."""
+"""Check the first frames of a stream once, as whole files are checked."""
 
 import re
 from dataclasses import replace
@@ -16,16 +16,16 @@ from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.repeats import repeated_poses, repeats_told
 from geneoh.sequence.sequence import HandTrack, Sequence
 
-SECONDS = 2.0  # looked at, from the first frame with the hand on: a delay needs as many
-ORDER_FRAMES = 10  # frames with the hand after which an order of the keypoints is certain
+SECONDS = 2.0  # checked duration from the first frame with the hand; delay estimation needs it
+ORDER_FRAMES = 10  # frames with the hand from which the keypoint order can be determined
 ORDER = "give them in OpenPose order"
-"""What to do about keypoints in another order, which no option of a stream names."""
+"""Remedy for another keypoint order, for which a stream has no option."""
 REPEATED = "as of a sensor that is slower than the hand's; give no pose in these frames"
-"""What to do about repeated poses: a stream cannot know how many are to come."""
+"""Remedy for repeated poses: a stream cannot know how many follow."""
 
 
 class FirstLook:
-    """The first frames of one stream, until they were looked at."""
+    """Buffers the first frames of one stream until they are checked."""
 
     def __init__(self, meshes: tuple[Mesh, ...], fps: float) -> None:
         """Begin without frames; `meshes` are those of the object."""
@@ -34,10 +34,12 @@ class FirstLook:
         self._done = False
 
     def push(self, seen: Observed, where: str) -> tuple[str, ...]:
-        """Take a frame as the user gave it; the one that ends the look gives what is doubtful.
+        """Take an input frame; the last of the first `SECONDS` returns the doubts, others nothing.
 
-        `where` is what messages call the frame. `InputError` where the frames can be no
-        interaction: this one is not taken.
+        `where` names the frame in messages.
+
+        Raises:
+            InputError: the frames cannot be an interaction; this frame is then not taken.
         """
         if self._done or not (self._frames or seen.hand):
             return ()
@@ -50,8 +52,7 @@ class FirstLook:
         return self._looked(frames, where)
 
     def end(self, where: str) -> tuple[str, ...]:
-        """What is doubtful where the stream ends before the look does; `InputError` as in
-        `push`."""
+        """The doubts if the stream ends before `SECONDS`; raises `InputError` as `push` does."""
         return self._looked(self._frames, where) if self._frames else ()
 
     def _looked(self, frames: list[Observed], where: str) -> tuple[str, ...]:
@@ -60,13 +61,13 @@ class FirstLook:
         return found
 
     def _doubts(self, frames: list[Observed], where: str) -> tuple[str, ...]:
-        """What is doubtful about some frames, as of a file with them."""
+        """Doubts about some frames, as if they were a file."""
         motion = concatenated([frame.object for frame in frames])
         motion = fill_object(replace(motion, meshes=self._meshes))
         hand, lost = without_faults_of(_hand_of(frames), self._fps, motion)
         refuse_other_order(hand, where, ORDER)
         try:
-            # a hand may come near later, but from so far away none does
+            # a hand may approach the object later, but not from farther than this
             if least_distance(hand, motion) > POSES_REACH:
                 check_distance(hand, motion, where)
             found = (*lost, *doubts(Sequence((hand,), motion, self._fps), where))
@@ -83,11 +84,11 @@ class FirstLook:
 
 
 def _hand_of(frames: list[Observed]) -> HandTrack:
-    """The hand of some frames, of which one at least has it, as a track."""
+    """The hand of some frames as a track; at least one frame has the hand."""
     lost = lost_like(next(frame.hand for frame in frames if frame.hand is not None))
     return concatenated([frame.hand or lost for frame in frames])
 
 
 def without_options(words: str) -> str:
-    """A sentence without the options of files in brackets, which a stream does not have."""
+    """A sentence without command-line options in brackets, which a stream does not have."""
     return re.sub(r" \(--[^)]*\)", "", words)

@@ -1,4 +1,4 @@
-"""One frame of a stream as a user gives it, read into a track of one frame and checked."""
+"""Read and check the input of `Stream.push`, as a track of one frame."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,11 +23,11 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.validation import check_hand, check_object, collapsed
 
 FOUND = {"joints": FEWEST / 21, "pose": 1.0, "wrist": 1.0}
-"""Fields of a hand without which, or with NaN in which, it counts as lost."""
+"""Least share of finite values per field of a hand; with fewer the hand counts as lost."""
 
 
 class FrameReader:
-    """Reads the frames of one stream, whose hands must all have the same fields."""
+    """Reads the frames of one stream; the hand must have the same fields in all of them."""
 
     def __init__(
         self, side: Side, meshes: tuple[Mesh, ...], betas: Any, hand_model: str | None
@@ -41,7 +41,7 @@ class FrameReader:
         self._known: tuple[str, ...] = ()
 
     def observed(self, hand: Any, object_pose: Any, where: str) -> Observed:
-        """A frame as `Stream.push` takes it; `where` is what messages call it."""
+        """One frame from the arguments of `Stream.push`; `where` names it in messages."""
         return Observed(self.hand(hand, where), self.object(object_pose, where))
 
     def hand(self, given: Any, where: str) -> HandTrack | None:
@@ -51,7 +51,7 @@ class FrameReader:
         fields = {**self._fields(given, where), **self._shape}
         record = Record(where, fields, "correct it")
         if self._away_from_origin and (name := f"{self._side}_joints") in record:
-            points = record.numbers(name)  # of which none is at the origin by chance
+            points = record.numbers(name)  # a keypoint exactly at the origin means missing
             found = np.where((points == 0).all(-1, keepdims=True), np.nan, points)
             record = Record(where, {**fields, name: found}, "correct it")
         if is_lost(record, self._side):
@@ -61,7 +61,7 @@ class FrameReader:
             return None
         check_hand(hand, where)
         has = {name for name, value in vars(hand).items() if value is not None}
-        if f"{self._side}_confidence" not in record:  # missing keypoints may have brought one
+        if f"{self._side}_confidence" not in record:  # missing keypoints may have added one
             has -= {"confidence"}
             if hand.confidence is None:
                 hand = replace(hand, confidence=torch.ones(1, 21))
@@ -79,7 +79,7 @@ class FrameReader:
         return hand if is_seen else None
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
-        """The fields of the file format of one frame of a hand."""
+        """One frame of a hand as fields of the file format."""
         if isinstance(given, HandTrack):
             if given.side != self._side or given.frames != 1:
                 raise InputError(
@@ -100,7 +100,7 @@ class FrameReader:
         }
 
     def object(self, given: Any, where: str) -> ObjectTrack:
-        """The pose of the object in one frame, NaN where it is lost."""
+        """The poses of the object's parts in one frame, NaN where lost."""
         if not self._meshes:
             return ObjectTrack.resting((), 1)
         parts = len(self._meshes)
@@ -121,7 +121,7 @@ class FrameReader:
 
 
 def is_lost(record: Record, side: Side) -> bool:
-    """Whether the fields of a hand in one frame say that there is none."""
+    """Whether a hand is lost in one frame, by too few finite values or by `valid`."""
     for name, least in FOUND.items():
         field = f"{side}_{name}"
         if field in record and np.isfinite(record.numbers(field)).mean() < least:
@@ -131,15 +131,16 @@ def is_lost(record: Record, side: Side) -> bool:
 
 
 def is_pair(given: Any) -> bool:
-    """Whether a pose is given as a rotation and a translation, and not as one matrix or several."""
+    """Whether a pose is a pair of rotation and translation, and not one or several matrices."""
     if not isinstance(given, tuple | list) or len(given) != 2:
         return False
     try:
         return isinstance(given, tuple) or np.shape(given[1])[-1:] == (3,)
-    except ValueError:  # of lists of several lengths
+    except ValueError:  # ragged lists
         return False
 
 
 def framed(value: Any) -> Any:
-    """A value of one frame with an axis of frames; lists stay lists, which may be ragged."""
+    """A value of one frame with a leading frame axis; lists stay lists, because they may be
+    ragged."""
     return array_of(value)[None] if isinstance(value, torch.Tensor | np.ndarray) else [value]

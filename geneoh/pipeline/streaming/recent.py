@@ -1,8 +1,8 @@
-"""A right hand at 30 frames a second that is cleaned as it comes, from its last two seconds.
+"""Online cleaning of a right hand at 30 frames a second, from its last two seconds.
 
-Every few frames the three stages see one window, which ends with the newest frame. Where two
-windows overlap, the targets of the fit are blended, and it holds on to the frames that are out
-already, so that no seam shows.
+Every few frames the three stages process one window, which ends with the newest frame. Where two
+windows overlap, the targets of the fit are blended, and the fit keeps to frames that were already
+returned, so that no seam shows.
 """
 
 from collections import deque
@@ -41,19 +41,19 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import WINDOW
 
 HOP = 7
-"""Frames between two runs of the stages, at most. The last of them has so many frames less after it
+"""Most frames between two runs of the stages. The last frames of a run have less context after them
 than the lag."""
 FIRST_SHARE = 0.7
-"""Share of a newer window in the target of the first frame that an older one has seen too; it grows
-to all of it over `HOP` frames."""
+"""Weight of the newer window in the blended target of the first new frame; it grows to 1 over `HOP`
+frames."""
 HELD, HOLD = 2, 30.0
-"""Frames already out that the fit holds on to, and their weight beside that of new ones."""
-AHEAD = 2  # frames after those that are asked for which the fit sees as well
-SETTLED = WINDOW  # observed frames after which the shape of the hand is kept
+"""Number of already returned frames in the fit, and their weight relative to new frames."""
+AHEAD = 2  # frames after the requested ones that the fit includes
+SETTLED = WINDOW  # observed frames after which the hand shape is fixed
 
 
 class RecentHand:
-    """The last two seconds of one hand and its object, and the frames that wait to be taken."""
+    """State of one hand and its object: the last two seconds, and clean frames to return."""
 
     def __init__(
         self,
@@ -66,8 +66,8 @@ class RecentHand:
         lag: int,
         seed: int,
     ) -> None:
-        """Begin without frames. `surface` has the search trees of the meshes, and is None without
-        any; of its motion no frame is read. `model` is the right hand."""
+        """Begin without frames. `surface` provides the search trees of the meshes, not the motion,
+        and is None without meshes. `model` is the right hand."""
         self._meshes, self._surface, self._model = meshes, surface, model
         self._denoisers, self._chosen, self._lag = denoisers, chosen, lag
         self._generator = torch.Generator().manual_seed(seed)
@@ -78,7 +78,7 @@ class RecentHand:
         self._place = ChangingShift(still, still)
         self._ready: deque[CleanHand | None] = deque()
         self._pushed = self._done = self._observed = 0
-        self._near = 0.0  # how far the hand has dealt with the object yet
+        self._near = 0.0  # largest interaction with the object so far, 0 to 1
         self._shape: Subject | None = None
         self._found: FoundRay | None = None
         self._out: HandState | None = None
@@ -86,8 +86,8 @@ class RecentHand:
         self._target: tuple[int, Tensor] | None = None
 
     def push(self, frame: Observed) -> CleanHand | None:
-        """Take the next frame and give the one that is `lag` older; None where there is none yet,
-        or no hand was seen in the two seconds before."""
+        """Take the next frame and return the clean one that is `lag` older; None if there is none
+        yet, or if no hand was observed in the last two seconds."""
         self._new.append(frame)
         self._pushed += 1
         self._observed += frame.hand is not None
@@ -97,7 +97,7 @@ class RecentHand:
         return self._ready.popleft() if due > 0 else None
 
     def flush(self) -> list[CleanHand | None]:
-        """All frames that are still to come."""
+        """The remaining clean frames."""
         if self._pushed > self._done:
             self._clean(self._pushed)
         left = list(self._ready)
@@ -105,7 +105,7 @@ class RecentHand:
         return left
 
     def _clean(self, stop: int) -> None:
-        """Make frames ready, from the first that is not done up to `stop`."""
+        """Clean the frames from the first that is not done up to `stop`, exclusive."""
         track, motion = self._window()
         if track is None:
             self._ready.extend([None] * (stop - self._done))
@@ -154,7 +154,7 @@ class RecentHand:
         self._done = stop
 
     def _window(self) -> tuple[HandTrack | None, ObjectTrack]:
-        """The last two seconds with what is new; no hand where none was seen in them."""
+        """The last two seconds including new frames; the hand is None if never observed in them."""
         new, self._new = self._new, []
         motion = [frame.object for frame in new]
         motion = concatenated([self._motion, *motion] if self._motion is not None else motion)
@@ -170,7 +170,8 @@ class RecentHand:
         return self._track, replace(self._motion, meshes=self._meshes)
 
     def _ray(self, track: HandTrack, motion: ObjectTrack) -> Float[Tensor, "T 3"] | None:
-        """The ray of the camera, as told or as the noise of the window or an earlier one tells."""
+        """The camera ray: from the track, or estimated from the noise of this or an earlier
+        window."""
         if track.camera_ray is not None and self._chosen.camera_told:
             return fill_gaps(track).camera_ray
         if self._surface is not None and self._chosen.camera_found:
@@ -178,14 +179,14 @@ class RecentHand:
         return self._found and self._found.direction.expand(track.frames, 3)
 
     def _placed(self, motion: ObjectTrack) -> MovingSurface | None:
-        """The parts of the object that were seen, in a motion; None without any."""
+        """The surface of the observed object parts with a motion; None if there are none."""
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None
         moved = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
         return moved.of_parts(motion.seen_parts)
 
     def _subject(self, track: HandTrack, surface: MovingSurface | None) -> Subject:
-        """The hand of the window, whose shape is kept when enough was seen of it."""
+        """The subject of the window; its shape is fixed after `SETTLED` observed frames."""
         carrier = None
         if surface is not None:
             carrier = carrier_of(track, surface, torch.ones_like(surface.translation[..., 0]))
@@ -200,8 +201,10 @@ class RecentHand:
     def _parameters(
         self, subject: Subject, track: HandTrack, first: int, settled: int
     ) -> HandState:
-        """Parameters of the input; where it has none, only frames new since then are fitted, and
-        those that are not among the first `settled`, which more frames may show to be no fault.
+        """Pose parameters of the input, fitted if it has none.
+
+        Earlier fits are reused for all but the new frames and those after the first `settled`,
+        whose detection as a fault may still change.
         """
         if subject.start is not None:
             return subject.start
@@ -215,7 +218,7 @@ class RecentHand:
         new = slice(known, None)
         found = fit_keypoints(joints[:, new], trust[:, new], subject.shaped, start[new])
         found = concatenated([start[:known], found])
-        observed = int(track.observed.nonzero()[-1]) + 1  # what is filled after it may change
+        observed = int(track.observed.nonzero()[-1]) + 1  # later, filled frames may change
         self._given = first, found[: min(observed, settled)]
         return found
 
@@ -228,8 +231,8 @@ class RecentHand:
     ) -> tuple[
         MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " T"], Float[Tensor, " 2"] | None
     ]:
-        """The object without its noise, None without one; how far its poses are relied on and the
-        hand is taken to deal with it; and the noise."""
+        """The cleaned object's surface, None without an object; per frame the reliability of its
+        poses and the interaction of the hand with it, 0 to 1; and the white noise of its poses."""
         whole = subject.joints.new_ones(len(subject.joints))
         relied, near, noise = whole[:, None], whole, None
         if surface is None:
@@ -245,8 +248,8 @@ class RecentHand:
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:
-        """The target of a window, to which that of the windows before crosses where they overlap:
-        from frame to frame the new one counts more, so that what is out goes on without a jump."""
+        """The target of a window, cross-faded from that of earlier windows where they overlap, so
+        that new frames continue the returned ones without a jump."""
         if self._target is not None:
             begin, before = self._target
             before = before[max(first - begin, 0) :]
@@ -267,7 +270,7 @@ class RecentHand:
         first: int,
         stop: int,
     ) -> tuple[HandState, Float[Tensor, "N 21 3"]]:
-        """Parameters and keypoints of the new frames, continued from those that are out."""
+        """Pose parameters and keypoints of the new frames, continued from the returned ones."""
         held = 0 if self._out is None else self._out.wrist.shape[1]
         cut = slice(self._done - held - first, min(stop + AHEAD, self._pushed) - first)
         start, wanted = given[cut], target[None, cut].clone()
@@ -292,6 +295,6 @@ class RecentHand:
 
 
 def frames_alike(one: HandTrack, other: HandTrack) -> int:
-    """How many frames at the start of two tracks of a hand are the same."""
+    """Number of frames at the start of two tracks of one hand with the same trust."""
     differ = (one.trust != other.trust).any(-1).nonzero()
     return int(differ[0]) if len(differ) else one.frames

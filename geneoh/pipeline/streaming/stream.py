@@ -1,4 +1,4 @@
-"""A stream: frames in as a tracker makes them, clean frames out a fixed time later."""
+"""Online cleaning: a stream takes a tracker's frames and returns clean ones at a fixed lag."""
 
 import logging
 import math
@@ -36,27 +36,27 @@ LOG = logging.getLogger(__name__)
 Mirrored = TypeVar("Mirrored", HandTrack, ObjectTrack, HandModel)
 
 ARGUMENTS = ("meshes", "fps", "lag", "side", "betas", "hand_model", "source")
-"""What a stream takes besides the settings."""
+"""Arguments of `Stream` besides the settings."""
 LONGEST_LAG = 1.0
-"""Seconds; with a longer lag a frame would have less than a second before it."""
+"""Seconds; with a longer lag a frame would have less than a second of context before it."""
 FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
-"""Fewer than a whole track gets: the fit goes on from frames that are out already."""
+"""Fewer than for a whole track, because the fit continues from frames already returned."""
 
 
 @dataclass(frozen=True)
 class CleanFrame:
-    """One frame that comes out of a stream."""
+    """One output frame of a stream."""
 
     index: int
-    """Which of the frames that were pushed, from 0."""
+    """Index of the frame among the pushed ones, from 0."""
     hand: HandTrack | None
-    """The clean hand as a track of one frame, with its `joint_spread`; None where no hand was seen
-    in the two seconds before the newest frame that was pushed, which is `lag` after this one."""
+    """The clean hand as a track of one frame, with its `joint_spread`; None if no hand was observed
+    in the last two seconds of input, which ends `lag` after this frame."""
     filled: bool
     """Whether the input had no hand in this frame."""
     contact: Float[Tensor, " 5"] | None = None
     """Probability that each finger touches the object, from the thumb to the little finger; None
-    without a hand or an object. It is 0.5 where nothing tells, as until the hand comes near it."""
+    without a hand or an object. It is 0.5 without evidence, as until the hand comes near."""
 
 
 class Stream:
@@ -69,9 +69,9 @@ class Stream:
                 use(clean.hand.joints[0], clean.hand.joint_spread[0])
         last = stream.flush()
 
-    Each `push` gives the frame that is `lag` older, in order and without a hole, and None before
-    there is one; `flush` gives the rest. Two hands are two streams. The same frames, settings and
-    seed give the same result, whenever they are pushed.
+    Each `push` returns the frame that is `lag` older, in order and without omissions, and None
+    until there is one; `flush` returns the rest. Use one stream per hand. The same frames, settings
+    and seed give the same result, independent of timing.
     """
 
     @undisturbed()
@@ -92,19 +92,18 @@ class Stream:
         Args:
             meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of
                 them; none for a hand without an object.
-            fps: frames a second.
-            lag: seconds from a frame to its clean twin, 0 to 1; rounded to whole frames.
-            side: of the hand.
-            betas: (10,) shape of the hand, of the model `hand_model`; without them it is estimated
-                from the first two seconds.
-            hand_model: whose betas they are, "embedded", "mano" or "mano-as-shipped".
-            source: what messages call the stream.
+            fps: frame rate, frames a second.
+            lag: delay of the clean frame in seconds, 0 to 1; rounded to whole frames.
+            side: side of the hand.
+            betas: (10,) hand shape for `hand_model`; estimated from the first two seconds if None.
+            hand_model: hand model of the betas, "embedded", "mano" or "mano-as-shipped".
+            source: name of the stream in messages.
             settings: fields of `Options`; by default preset="fast" and samples=2.
 
         Raises:
-            InputError: a mesh has no surface or another unit.
-            ConfigError: a setting is out of range, or is none of a stream.
-            MissingAssetError: a MANO hand is asked for and there is no MANO file.
+            InputError: a mesh has no surface, or is in another unit than metres.
+            ConfigError: a setting is out of range, or not available in a stream.
+            MissingAssetError: a MANO hand is requested and there is no MANO file.
         """
         asked = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
         for name, (value, kind) in asked.items():
@@ -126,7 +125,7 @@ class Stream:
         refuse_meshes(self._meshes)
         self._reads = partial(FrameReader, side, self._meshes, betas, hand_model)
         self._lag = within = round(lag * fps)
-        if self._rate != 1:  # a frame between two of the networks needs both
+        if self._rate != 1:  # interpolation needs the network frames before and after
             self._lag = max(self._lag, math.ceil(fps / NETWORK_FPS))
             within = math.floor(round(self._lag * self._rate, DIGITS)) - 1
         model = hand_of_betas(side, hand_model, asked=options.hand, mano_dir=options.mano_dir)
@@ -141,34 +140,34 @@ class Stream:
 
     @property
     def lag(self) -> int:
-        """Frames from one that is pushed to the one that `push` gives."""
+        """Number of frames by which the output of `push` is older than its input."""
         return self._lag
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What is doubtful about the input, in sentences that are logged as warnings too.
+        """Doubts about the input, as sentences, which are also logged as warnings.
 
-        Known once the first two seconds with the hand are in, or after `flush`; empty before.
+        Available after the first two seconds with the hand, or after `flush`; empty before.
         """
         return self._doubts
 
     def push(self, hand: Any, object_pose: Any = None, *, where: str = "") -> CleanFrame | None:
-        """Take the next frame, and give the one that is `lag` older; None before there is one.
+        """Take the next frame and return the clean frame that is `lag` older, or None at the start.
 
         Args:
-            hand: (21, 3) keypoints in OpenPose order, world frame, metres; or a dict of the fields
-                of the file format without their side, of one frame: `joints` (21, 3), or `pose`
+            hand: (21, 3) keypoints in OpenPose order, world frame, metres; or a dict of one frame
+                with fields of the file format, named without the side: `joints` (21, 3), or `pose`
                 (16, 3), axis-angle in radians, with `wrist` (3,), and `confidence` (21,); or a
-                track of one frame. None, or NaN, where the hand was lost.
-            object_pose: (4, 4) matrix from the object to the world, or rotation matrix (3, 3) and
-                translation (3,) in metres as a pair, with an axis of parts in front where there are
-                several; None, or NaN, where the object was lost.
-            where: what messages call the frame; by default the stream's source and its number.
+                track of one frame. None or NaN if the hand was lost.
+            object_pose: (4, 4) matrix from the object to the world, or a pair of rotation matrix
+                (3, 3) and translation (3,) in metres, with a leading axis of parts if there are
+                several; None or NaN if the object was lost.
+            where: name of the frame in messages; by default the stream's source and frame number.
 
         Raises:
-            InputError: the numbers have another shape, or can be no hand or pose in metres, or the
-                first frames show that the keypoints are in another order or the object's poses in
-                another unit. The frame is not taken: the next one is pushed in its place.
+            InputError: an array has a wrong shape or cannot be a hand or pose in metres, or the
+                first frames show another keypoint order or another unit of the object's poses. The
+                frame is not taken: push the next one in its place.
         """
         where = where or f"{self._source}, frame {self._count}"
         with undisturbed():
@@ -185,11 +184,11 @@ class Stream:
             return self._next() if self._count > self._lag else None
 
     def flush(self) -> list[CleanFrame]:
-        """The frames that are still to come, in order; the next `push` begins another recording.
+        """Return the remaining clean frames in order; the next `push` begins another recording.
 
         Raises:
-            InputError: the recording is shorter than two seconds, and shows only as a whole that it
-                can be no interaction.
+            InputError: the recording is shorter than two seconds, and the check of its frames shows
+                that it cannot be an interaction.
         """
         with undisturbed():
             self._tell(self._look.end(self._source))
@@ -199,7 +198,7 @@ class Stream:
         return left
 
     def _tell(self, doubts: tuple[str, ...]) -> None:
-        """Log and keep what is doubtful about the input."""
+        """Log and store doubts about the input."""
         self._doubts = doubts if self._count == 0 else self._doubts + doubts
         for words in doubts:
             LOG.warning("%s: %s", self._source, words)
@@ -215,14 +214,14 @@ class Stream:
         self._count = self._taken = self._given = self._dropped = 0
 
     def _inward(self, seen: Observed) -> Observed:
-        """A frame as the networks know it: of a right hand, on the device."""
+        """A frame converted for the networks: mirrored to a right hand, on the device."""
         hand = None if seen.hand is None else self._other_side(seen.hand).to(self._device)
         return Observed(hand, self._other_side(seen.object).to(self._device))
 
     def _paced(self, now: Observed) -> list[Observed]:
-        """The frames of the networks that lie after the frame before and not after this one. Of
-        several frames between two of the networks, what the last one lacks is that of those before
-        it."""
+        """Resample to the network frame rate: the network frames after the previous input frame, up
+        to and including this one. If several input frames fall between two network frames, data
+        that is missing in the last is taken from the earlier ones."""
         before, self._before = self._before or now, now
         first = (self._count - 1) * self._rate
         last = round(self._count * self._rate, DIGITS)
@@ -234,7 +233,7 @@ class Stream:
         return [between(before, seen, (frame - first) / self._rate) for frame in instants]
 
     def _next(self) -> CleanFrame:
-        """The next clean frame of the stream, between two of the networks."""
+        """The next clean frame at the stream's frame rate, interpolated between network frames."""
         place = round(self._given * self._rate, DIGITS)
         while self._dropped < math.floor(place) and len(self._clean) > 1:
             self._clean.popleft()
@@ -248,12 +247,12 @@ class Stream:
         return frame
 
     def _other_side(self, value: Mirrored) -> Mirrored:
-        """What belongs to the user's hand as that of a right hand, and back."""
+        """A track or model of the user's hand, mirrored if it is a left hand (its own inverse)."""
         return value.mirrored() if self._side == "left" else value
 
 
 def preset_of_stream(options: Options) -> Preset:
-    """The settings that options stand for; `ConfigError` where a stream cannot have them."""
+    """The preset of some options; `ConfigError` for settings that a stream does not support."""
     chosen = options.resolved()
     if not isinstance(chosen.fit, FitConfig) or options.refine_object:
         raise ConfigError(
