@@ -35,7 +35,7 @@ CONSTANT, SLOW = 1000.0, 20.0
 ITERATIONS = 8  # Levenberg-Marquardt has converged by then
 SLIGHT = 1e-3  # step of the finite differences, radians
 TOLD = (
-    "the fingers are turned about their bones as those of no hand: natural poses with the same "
+    "the fingers are twisted about their bones as no hand can be: natural poses with the same "
     "keypoints are used instead"
 )
 

@@ -56,8 +56,7 @@ class ObjectExamination(Bundle):
                 yield (
                     f"the pose of {name} shakes by {np.degrees(turns):.1f} degrees and "
                     f"{1000 * shifts:.1f} mm per axis: the hand was cleaned against a smooth track "
-                    "of it; --refine-object writes that track, --trust-object keeps to the given "
-                    "one"
+                    "of it; --refine-object writes that track, --trust-object keeps the given poses"
                 )
             if count := int(self.left_out[:, part].sum()):
                 yield f"{numbered(count, 'frame')} in which the pose of {name} jumps, left out"
@@ -66,4 +65,5 @@ class ObjectExamination(Bundle):
                 yield f"{frames} in which {name} is turned by its own symmetry, turned back"
             if count := int(self.doubted[:, part].sum()):
                 frames = numbered(count, "frame")
-                yield f"{name} turns as no motion turns it, and stays so: not relied on in {frames}"
+                fault = f"{name} turns faster than it can move, and stays turned"
+                yield f"{fault}: not relied on in {frames}"

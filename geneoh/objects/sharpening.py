@@ -170,7 +170,7 @@ def of_part(name: str, found: LowPass) -> str:
     return (
         f"the poses of {name} are smoother than the hand that moves it, {found}: the hand was "
         "cleaned against a sharpened track of it, which --refine-object writes; --trust-object "
-        "keeps to the given one"
+        "keeps the given poses"
     )
 
 

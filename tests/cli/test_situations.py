@@ -244,7 +244,7 @@ SITUATIONS = [
     ),
     Situation(
         "The hand is elsewhere in a frame",
-        "the left hand is where no motion brings it in 1 frame: taken as missing",
+        "the left hand leaps farther than a hand can move in 1 frame: taken as missing",
         with_faulty_frame(lambda joints: joints[5] + 0.3),
         code=0,
     ),
@@ -256,7 +256,7 @@ SITUATIONS = [
     ),
     Situation(
         "The hand is turned over in a frame",
-        "the left hand is turned as no motion turns it in 1 frame: taken as missing",
+        "the left hand turns faster than a hand can turn in 1 frame: taken as missing",
         with_faulty_frame(
             lambda joints: 2 * joints[5].mean(0) * [1, 1, 0] + joints[5] * [-1, -1, 1]
         ),

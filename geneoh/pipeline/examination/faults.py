@@ -228,8 +228,8 @@ def other_side(track: KeypointTrack) -> Bool[Tensor, " T"]:
 FAULTS = (
     (_repeated, "repeats the frame before, between two leaps,", False),
     (stiff, "has fingers that keep still, between two leaps,", True),
-    (displaced, "is where no motion brings it", False),
-    (turned_over, "is turned as no motion turns it", False),
+    (displaced, "leaps farther than a hand can move", False),
+    (turned_over, "turns faster than a hand can turn", False),
     (other_side, "is bent backward, as one of the other side,", False),
 )
 """Detector of each fault, its description, and whether it concerns the fingers alone."""

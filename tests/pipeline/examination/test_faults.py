@@ -61,8 +61,8 @@ def missing(sequence: Sequence) -> list[int]:
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        (elsewhere, "the left hand is where no motion brings it in 7 frames"),
-        (turned_about_its_axis, "the left hand is turned as no motion turns it in 7 frames"),
+        (elsewhere, "the left hand leaps farther than a hand can move in 7 frames"),
+        (turned_about_its_axis, "the left hand turns faster than a hand can turn in 7 frames"),
         (of_the_other_side, "the left hand is bent backward"),
     ],
 )
