@@ -137,4 +137,4 @@ def test_a_width_of_texts_without_an_encoder_of_texts_is_refused(geneoh, tmp_pat
     ended = geneoh(
         "train", "--stage", "text_hands", "--data", "bodies", "--set", "text_hands.text=8", code=2
     )
-    assert "--set text_hands.text=8: expected 0, which" in ended.stderr
+    assert "--set text_hands.text=8: expected 0, as in the weights" in ended.stderr
