@@ -24,7 +24,7 @@ from geneoh.hand.skeleton import rest_offsets
 from geneoh.metrics.accuracy import mpjpe
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import filled_keypoints
-from geneoh.sequence.noise import corrupt, perturbed
+from geneoh.sequence.noise import corrupt, ornstein_uhlenbeck, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.shapes.scans import Scans, read_folder
@@ -139,11 +139,8 @@ def lasting(frames: float) -> Error:
     """Errors with a correlation time of `frames` frames, as of networks that use several frames."""
 
     def noisy(hand: HandTrack, generator: torch.Generator) -> HandTrack:
-        share = math.exp(-1 / frames)
-        error = offsets(hand, 0.012, 0.06, 0.2, generator)
-        for t in range(1, hand.frames):
-            error[t] = share * error[t - 1] + math.sqrt(1 - share**2) * error[t]
-        return perturbed(hand, error, hand.valid)
+        white = offsets(hand, 0.012, 0.06, 0.2, generator)
+        return perturbed(hand, ornstein_uhlenbeck(white, frames), hand.valid)
 
     return noisy
 
@@ -200,8 +197,8 @@ ERRORS: dict[str, Error] = {
     "every keypoint by itself, 10 mm": independent_keypoints,
     "every third frame": every_third_frame,
     "plateaus of 6 to 30 frames": plateaus,
-    "alike for 4 frames": lasting(4),
-    "alike for 15 frames": lasting(15),
+    "alike for 4 frames": lasting(4.0),
+    "alike for 15 frames": lasting(15.0),
     "swaying 4 times a second": swaying,
     "a second lost": a_second_lost,
     "a frame late": a_frame_late,
