@@ -73,21 +73,21 @@ def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> 
     for track in tracks.values():
         refuse_image_landmarks(track.points, where)
     centred = NOTES if reader.centred else ()
-    stamps = stamps_in(value, frames, where)
-    return Landmarks(tracks, (*centred, *notes), stamps, unit="mm" if reader.leap else "m")
+    stamps, unit = stamps_in(value, frames, where), "mm" if any(map(is_leap, frames)) else "m"
+    return Landmarks(tracks, (*centred, *notes), stamps, unit=unit)
 
 
 class _Frames:
     """Reads the frames of one file."""
 
     def __init__(self, side: Side | None, numbering: Numbering) -> None:
-        self.numbering, self.centred, self.leap = numbering, False, False
+        self.numbering, self.centred = numbering, False
         self._side: Side | None = side
 
     def hands(self, frame: Any, where: str) -> list[Detected]:
         """The hands of one frame; only results of MediaPipe may hold two of one side."""
         if is_leap(frame):
-            self.leap, frame = True, list(hands_of_leap(frame))
+            frame = list(hands_of_leap(frame))
         hands = list(self._hands(frame, where, None, 1.0))
         count = Counter(hand.side for hand in hands)
         side, most = count.most_common(1)[0] if count else (None, 0)

@@ -9,7 +9,8 @@ protocol's description, version 6; earlier versions lack the wrist.
 from collections.abc import Iterator
 from typing import Any
 
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+from geneoh.hand.skeleton import KEYPOINT_FINGERS
+
 JOINTS = ("mcpPosition", "pipPosition", "dipPosition", "btipPosition")
 """Fields of a finger's joints, from the palm to the tip. The thumb has no metacarpal: its first
 joint is the one at the wrist."""
@@ -34,12 +35,12 @@ def hands_of_leap(frame: dict[str, Any]) -> Iterator[dict[str, Any]]:
         points = {"wrist": hand.get("wrist")}
         for finger in fingers:
             number = finger.get("type")
-            if not isinstance(number, int) or not 0 <= number < len(FINGERS):
+            if not isinstance(number, int) or not 0 <= number < len(KEYPOINT_FINGERS):
                 continue
             if finger.get("handId") != hand.get("id"):
                 continue
             for joint, segment in zip(JOINTS, SEGMENTS if number else OF_THUMB, strict=True):
-                points[f"{FINGERS[number]}_{segment}"] = finger.get(joint)
+                points[f"{KEYPOINT_FINGERS[number]}_{segment}"] = finger.get(joint)
         yield {
             "side": hand.get("type"),
             "confidence": hand.get("confidence"),
