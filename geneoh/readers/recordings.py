@@ -231,12 +231,11 @@ def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = N
     clips = [one for one in there if clip is None or clip.startswith(one.name)]
     found = []
     if len(clips) == 1 or clip is not None:
+        read_all = ((one, each) for one in clips for each in all_recordings(source, one, options))
+        named = [(one, each) for one, each in read_all if clip in (None, each.name, one.name)]
+        named = [(one, each) for one, each in named if each.name == clip] or named
         for one in clips:
-            inside = all_recordings(source, one, options)
-            named = [each for each in inside if clip in (None, each.name, one.name)]
-            named = [each for each in named if each.name == clip] or named
-            found += chosen(named, one, options)
-        found = [one for one in found if one.name == clip] or found
+            found += chosen([each for of, each in named if of is one], one, options)
     if len(found) == 1:
         return found[0]
     names = ", ".join(one.name for one in (found or there)[:8])
