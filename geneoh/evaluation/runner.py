@@ -150,23 +150,16 @@ def open_record(
     """
     path = folder / SCORED
     records = [] if fresh else read_journal(path)
-    if records and holds_no_score(records):
-        records = []
+    found = [read_score(record) for record in records[1:]]
     head = {"settings": settings, "versions": versions}
-    if records:
+    failed = all(score and score.failed for score in found)  # all of them are tried again anyway
+    if records and not (failed and head.keys() <= records[0].keys()):
         head = read_head(records[0], path, settings)
-    found = [score for record in records[1:] if (score := read_score(record)) is not None]
-    scores = list({score.key: score for score in found}.values())  # the last one of each key
+    else:
+        found = []
+    scores = list({score.key: score for score in found if score}.values())  # the last of each key
     begin_journal(path, [head, *map(asdict, scores)])
     return scores, head["versions"]
-
-
-def holds_no_score(records: list[dict[str, Any]]) -> bool:
-    """Whether a record of this version has nothing but failures, which are tried again anyway."""
-    scores = [read_score(record) for record in records[1:]]
-    return {"settings", "versions"} <= set(records[0]) and all(
-        each and each.failed for each in scores
-    )
 
 
 def read_head(head: dict[str, Any], path: Path, settings: dict[str, Any]) -> dict[str, Any]:

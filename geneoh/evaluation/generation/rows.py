@@ -198,12 +198,13 @@ def refined_parts(clip: Actions, seed: int) -> Actions:
 
 def held(clip: Actions, meshes: tuple[Mesh, ...], generator: torch.Generator) -> Actions:
     """A batch of one clip whose hands hold the object, or the part that they open or close."""
-    still, verb = (torch.eye(3), torch.zeros(3)), VERBS[int(clip.verb)]
+    verb = VERBS[int(clip.verb)]
+    if verb not in JOINTED and len(meshes) == 2:
+        return finished(clip)
+    still = torch.eye(3), torch.zeros(3)
     stood = StandingObject(joined(meshes), *still, clip.points[0], clip.normals[0])
     if len(meshes) == 1:
         return finished(clip, partial(settled, stood=stood, generator=generator))
-    if verb not in JOINTED:
-        return finished(clip)
     most = float(clip.joint[clip.valid].max())
     joint = Joint(clip.axis[0], clip.pivot[0], bool(clip.slides[0]), most)
     pair = meshes[0], meshes[1]
