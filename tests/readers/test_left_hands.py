@@ -31,6 +31,7 @@ def mended_dir(tmp_path_factory):
     [
         ("taco", trees.taco, "as shipped", "mano-as-shipped"),
         ("hawor", trees.hawor, "mirrored", "mano"),
+        ("dynhamr", trees.dynhamr, "mirrored", "mano"),
     ],
 )
 def test_whose_left_hand_it_is_does_not_depend_on_the_users_file(

@@ -1,7 +1,7 @@
 """Data sets in miniature: one known interaction, written in the exact layout of each source."""
 
 from trees.cases import CASES, Case, case_of, written
-from trees.estimators import hamer, hawor, landmarks
+from trees.estimators import dynhamr, hamer, hawor, landmarks
 from trees.interaction import FRAMES, Scene, cameras, opened, scene
 from trees.mano_files import FLIP, mano_arrays, write_mano
 from trees.mocap import arctic, arctic_processed, grab, grab_clips, grab_clips_left
@@ -31,6 +31,7 @@ __all__ = [
     "case_of",
     "dexycb",
     "dump",
+    "dynhamr",
     "grab",
     "grab_clips",
     "grab_clips_left",

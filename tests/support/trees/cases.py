@@ -10,6 +10,7 @@ from geneoh.readers.recordings import find_clips, read_clip, source_named
 from trees.estimators import (
     arcticnet,
     aria,
+    dynhamr,
     halved,
     hamer,
     hawor,
@@ -163,6 +164,7 @@ CASES = [
         known=(("focal", 600.0),),
     ),
     Case("hawor", hawor, "bend backward", object=False, left="mirrored"),
+    Case("dynhamr", dynhamr, "bend backward", object=False, left="mirrored"),
     Case("aria", aria, "millimetres", fps=10.0, posed=False, object=False, unknown=(1,)),
     Case("landmarks", landmarks, "curl away from the palm", fps=72.0, posed=False, object=False),
     Case(

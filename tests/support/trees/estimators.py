@@ -1,4 +1,4 @@
-"""What estimators and users write: ArcticNet, HaMeR, HaWoR, Aria, landmarks, bare arrays."""
+"""What estimators and users write: ArcticNet, HaMeR, HaWoR, Dyn-HaMR, Aria, landmarks, arrays."""
 
 import json
 from dataclasses import replace
@@ -109,6 +109,45 @@ def hawor(root: Path, s: Scene, wrong: bool) -> None:
         img_center=np.array([320.0, 240.0]),
         scale=scale,
     )
+
+
+def dynhamr(root: Path, s: Scene, wrong: bool) -> None:
+    run, offset, before = root / "logs/video-0", 40, 3
+    flip = np.ones(3) if wrong else FLIP
+    turn = np.ones(3) if wrong else -FLIP
+    trans = np.stack([s.origin("left", "mirrored") * flip, s.origin("right")])
+    pose = np.stack([flat(s.pose["left"] * turn), flat(s.pose["right"])])
+    back = np.linalg.inv(np.stack([cameras(s.frames)] * 2))
+    fields = {
+        "trans": trans,
+        "root_orient": pose[:, :, :3],
+        "pose_body": pose[:, :, 3:],
+        "betas": np.stack([s.betas[side] for side in ("left", "right")]),
+        "is_right": np.repeat([[0], [1]], s.frames, axis=1),
+        "cam_R": back[:, :, :3, :3],
+        "cam_t": back[:, :, :3, 3],
+        "world_scale": np.ones((1, 1)),
+        "intrins": np.array([600.0, 600.0, 320.0, 240.0]),
+    }
+    single = {name: array.astype("f4") for name, array in fields.items()}
+    unfinished = {**single, "trans": single["trans"] + 1}
+    for phase, step, values in (
+        ("init", "000000_init", unfinished),
+        ("smooth_fit", "000300", single),
+        ("smooth_fit", "000020", unfinished),
+        ("root_fit", "000050", unfinished),
+    ):
+        (run / phase).mkdir(parents=True, exist_ok=True)
+        np.savez(run / phase / f"video_{step}_world_results.npz", **values)
+    seen = [False] * before + [True] * s.frames + [False]
+    info = {
+        "tracks": {str(i): {"index": i, "vis_mask": seen} for i in (0, 1)},
+        "meta": {
+            "seq_interval": [before, before + s.frames],
+            "data_interval": [offset, offset + 20],
+        },
+    }
+    (run / "track_info.json").write_text(json.dumps(info))
 
 
 def aria(root: Path, s: Scene, wrong: bool) -> None:
