@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from click import Choice
 
-from geneoh.choices import JOINT_ORDERS, OF_SOURCES, TRANSLATIONS, UNITS
+from geneoh.choices import JOINT_ORDERS, OF_SOURCES, POSE_FRAMES, TRANSLATIONS, UNITS
 from geneoh.errors import numbered
 from geneoh.readers.registry import SOURCES
 
@@ -29,6 +29,12 @@ reader_options = options.together(
         "an object: npy of (T, 4, 4) matrices, a trajectory (TUM, KITTI, CSV, JSON), or a folder "
         "of texts as FoundationPose writes.",
         FILE_OR_FOLDER,
+    ),
+    option(
+        "--object-pose-frame: Frame that --object-pose leads to: the hand's world, or that of the "
+        "camera, whose motion HaWoR and Dyn-HaMR write.",
+        Choice(POSE_FRAMES),
+        "world",
     ),
     option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,

@@ -129,7 +129,14 @@ Translation = Literal["wrist", "origin"]
 origin of the model (convention O). See the page on conventions."""
 TRANSLATIONS: tuple[Translation, ...] = get_args(Translation)
 
-OF_SOURCES = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal")
+PoseFrame = Literal["world", "camera"]
+"""The frame that a caller's poses of an object lead to: the hands' world, or the camera's frame at
+each time."""
+POSE_FRAMES: tuple[PoseFrame, ...] = get_args(PoseFrame)
+
+OF_SOURCES = (
+    *("objects", "body", "object_pose_frame", "translation", "swap_parts", "mean_pose", "focal"),
+)
 """Reading options that apply only where the source of a file is named."""
 
 Colouring = Literal["penetration", "contact", "spread", "plain"]

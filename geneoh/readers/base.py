@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
-from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
+from geneoh.choices import OF_SOURCES, JointOrder, PoseFrame, Side, Translation, Unit
 from geneoh.errors import ConfigError
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
@@ -37,6 +37,8 @@ class ReaderOptions:
     """The object's own meshes in metres, for sources without any."""
     object_pose: ObjectPoses | None = None
     """Poses of the object, for sources without any."""
+    object_pose_frame: PoseFrame = "world"
+    """The frame that these poses lead to."""
     side: Side | None = None
     """The hand to read; for files that do not name a side, the side of the hand in them."""
     fps: float | None = None
@@ -183,9 +185,11 @@ class ClipParts:
     """Fields with the times or numbers of the frames, which may be uneven; they replace `fps`."""
     convention: ManoConvention | None = None
     """How this clip uses MANO, where the clips of the source differ in it."""
-    camera: Place | Array | None = None
-    """Position of the camera whose images the hands were estimated from, or (T, 3) positions of a
-    moving one, metres, world; None where unknown."""
+    camera: Place | None = None
+    """Position of the camera whose images the hands were estimated from, metres, world; None where
+    unknown."""
+    camera_poses: Array | None = None
+    """(T, 4, 4) poses of a moving camera, camera to world, metres, which include its positions."""
 
     @property
     def frames(self) -> int:

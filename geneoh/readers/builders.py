@@ -12,7 +12,7 @@ import torch
 from geneoh.body.motion import PosedBody
 from geneoh.body.skeleton import WRISTS
 from geneoh.choices import Side
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
 from geneoh.readers import transforms
@@ -189,8 +189,19 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
     return fill_object(ObjectTrack(tuple(meshes), rotation, translation))
 
 
+IN_WORLD_NOTE = (
+    "the object's poses are taken to lead to the world; where they lead to the frame of the moving "
+    "camera, pass --object-pose-frame camera"
+)
+
+
 def callers_object(
-    options: ReaderOptions, frames: int, where: str, clock: Clock | None = None, first: int = 0
+    options: ReaderOptions,
+    frames: int,
+    where: str,
+    clock: Clock | None = None,
+    first: int = 0,
+    camera_poses: Array | None = None,
 ) -> tuple[ObjectTrack, Notes]:
     """The caller's object for a source without one; without --object-pose, one without meshes."""
     if options.object_pose is None and options.meshes:
@@ -200,9 +211,20 @@ def callers_object(
             "still at the origin, or leave --obj out to clean the hand alone"
         )
     if options.object_pose is None:
+        if options.object_pose_frame != "world":
+            raise ConfigError("--object-pose-frame: needs --object-pose, got none; drop it")
         return ObjectTrack.resting((), frames), ("the source has no object; give one with --obj",)
     poses, notes = options.object_pose.of_frames(frames, where, clock, first)
     transforms.refuse_bottom_row(where, "the poses in --object-pose", poses)
+    if options.object_pose_frame == "camera":
+        if camera_poses is None:
+            raise InputError(
+                f"{where}: --object-pose-frame camera needs the poses of the camera, got none; "
+                "keep the source's files of it in their place, or give poses in the world"
+            )
+        poses = np.einsum("tij,t...jk->t...ik", camera_poses, poses)
+    elif camera_poses is not None:
+        notes = (*notes, IN_WORLD_NOTE)
     return object_track(options.meshes, poses), notes
 
 

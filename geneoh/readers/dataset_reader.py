@@ -102,7 +102,9 @@ class DatasetReader:
         notes += about_hands
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
         refuse_other_frames(where, sequence, checks)
-        camera = parts.camera if options.camera is None else options.camera
+        camera: Any = parts.camera if options.camera is None else options.camera
+        if camera is None and parts.camera_poses is not None:
+            camera = parts.camera_poses[:, :3, 3]
         if camera is not None:
             place = torch.from_numpy(np.atleast_2d(np.asarray(camera, np.float32)))
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
@@ -126,7 +128,8 @@ def _object_of(
     if parts.stated is not None:
         return parts.stated, ()
     if parts.motion is None:
-        return builders.callers_object(options, parts.frames, where, clock, parts.first)
+        about = clock, parts.first, parts.camera_poses
+        return builders.callers_object(options, parts.frames, where, *about)
     kept = frames_to_keep(parts, len(parts.motion))
     refuse_bottom_row(where, "the object's poses", parts.motion, kept)
     return builders.object_track(parts.meshes.values(), parts.motion), ()

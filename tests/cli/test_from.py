@@ -112,6 +112,7 @@ def test_a_folder_given_as_a_dot_has_its_result_beside_it(geneoh, tmp_path, mano
         ("--objects", "."),
         ("--body", "body.npz"),
         ("--swap-parts",),
+        ("--object-pose-frame", "camera"),
         ("--clip", "one"),
     ],
     ids=lambda given: given[0],

@@ -103,7 +103,8 @@ def test_fingers_may_be_in_rows_and_the_camera_unknown(run):
         ({"is_right": np.ones((2, FRAMES))}, "'is_right' must be of one track at most for each"),
         ({"trans": np.ones((2, FRAMES - 1, 3))}, "'trans' must be of 2 tracks and 9 frames"),
         ({"betas": np.ones((2, 9))}, r"'betas' must be numbers of shape \(2, 10\)"),
-        ({"cam_t": np.full((2, FRAMES, 3), np.nan)}, "'cam_R' and 'cam_t' must be finite"),
+        ({"cam_t": np.full((2, FRAMES, 3), np.nan)}, "'cam_t': expected a camera's pose that can"),
+        ({"cam_R": np.ones((2, FRAMES, 3, 3))}, "'cam_R' must be rotation matrices"),
         ({"is_right": None}, "'is_right' must be an array of numbers, got none"),
     ],
 )

@@ -199,6 +199,7 @@ UNUSED = {
     "mean_pose": False,
     "swap_parts": True,
     "object_pose": np.tile(np.eye(4), (9, 1, 1)),
+    "object_pose_frame": "camera",
 }
 
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base, foreign_files
 from geneoh.readers.dataset_reader import Matches, reads
 from geneoh.readers.nested_lists import Shape
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, as_record
+from geneoh.readers.transforms import inverse, refuse_other_matrices, rigid_matrices
 
 FIELDS: dict[str, tuple[Shape, ...]] = {
     **{"trans": (("B", "T", 3),), "root_orient": (("B", "T", 3),)},
@@ -52,7 +52,7 @@ def progress(file: Path) -> tuple[int, str]:
     any_file=True,
     fps=None,
     convention=base.ManoConvention("origin", left_hand=MENDED),
-    takes=("object_pose",),
+    takes=("object_pose", "object_pose_frame"),
 )
 def dynhamr(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the world, with the caller's object."""
@@ -78,7 +78,7 @@ def dynhamr(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         if side == "left":
             pose, trans = mirror_axis_angle(pose), mirror_points(trans)
         hands.append(base.ManoParameters(side, pose, trans, shape))
-    about: dict[str, Any] = {"camera": camera_of(record, tracks, frames), "first": first}
+    about: dict[str, Any] = {"camera_poses": camera_of(record, tracks, frames), "first": first}
     yield base.ClipParts(f"Dyn-HaMR {clip.name}", hands, notes=notes, **about)
 
 
@@ -115,13 +115,10 @@ def pair_of(record: Record, name: str) -> tuple[int, int]:
 
 
 def camera_of(record: Record, tracks: int, frames: int) -> Array | None:
-    """(T, 3) camera positions in the world, metres; None in a file without them."""
+    """(T, 4, 4) camera to world, metres; None in a file without it."""
     if "cam_R" not in record:
         return None
     turns = record.array("cam_R", (tracks, frames, 3, 3))[0]
     shifts = record.array("cam_t", (tracks, frames, 3))[0]
-    if not (np.isfinite(turns).all() and np.isfinite(shifts).all()):
-        raise InputError(
-            f"{record.where}: 'cam_R' and 'cam_t' must be finite, got NaN; copy it again"
-        )
-    return -np.einsum("tji,tj->ti", turns, shifts)
+    refuse_other_matrices(record, "cam_R", turns)
+    return inverse(rigid_matrices(turns, shifts), f"{record.where} 'cam_R', 'cam_t'")

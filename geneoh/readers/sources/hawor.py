@@ -5,7 +5,7 @@ trans (2, T, 3) of MANO's origin, rot (2, T, 3), hand_pose (2, T, 45) absolute, 
 valid (2, T); the world of its camera tracking, metres. Left poses are a left hand's, for MANO_LEFT
 with mirrored shape directions. Frames that HaWoR filled in are marked valid like observed ones.
 SLAM/hawor_slam_w_scale_{first}_{last}.npz beside it has the camera in each frame: traj (T, 7) of
-translation and quaternion, camera to world, and the scale from its translations to metres.
+translation and quaternion xyzw, camera to world, and the scale from its translations to metres.
 """
 
 from pathlib import Path
@@ -20,6 +20,7 @@ from geneoh.readers import base, foreign_files
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.nested_lists import Shape
 from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, described
+from geneoh.readers.transforms import rigid_of_xyzw
 
 FIELDS: dict[str, Shape] = {
     **{"trans": (2, "T", 3), "rot": (2, "T", 3), "hand_pose": (2, "T", 45)},
@@ -33,7 +34,7 @@ FIELDS: dict[str, Shape] = {
     name_parts=2,
     fps=None,
     convention=base.ManoConvention("origin", left_hand=MENDED),
-    takes=("object_pose",),
+    takes=("object_pose", "object_pose_frame"),
 )
 def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the world, with the caller's object."""
@@ -60,17 +61,19 @@ def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     note = "frames that HaWoR filled in count as seen: it marks them so"
     camera, about_camera = camera_of(clip.path.parent / "SLAM", frames)
     notes = (note, *about_camera)
-    yield base.ClipParts(f"HaWoR {clip.name}", hands, notes=notes, camera=camera)
+    yield base.ClipParts(f"HaWoR {clip.name}", hands, notes=notes, camera_poses=camera)
 
 
 def camera_of(folder: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
-    """(T, 3) camera positions in the world, metres, None without HaWoR's tracking; and a note."""
+    """(T, 4, 4) camera to world, metres, None without HaWoR's tracking; and a note."""
     files = sorted(folder.glob("hawor_slam_w_scale_*.npz"))
     if not files:
         return None, ()
     record = foreign_files.read_record(files[-1])
-    places = record.array("traj", ("N", 7))[:, :3] * record.finite("scale")
-    if len(places) != frames or not np.isfinite(places).all():
+    track = record.array("traj", ("N", 7))
+    poses = rigid_of_xyzw(np.roll(track, 4, axis=1))
+    poses[:, :3, 3] *= record.finite("scale")
+    if len(poses) != frames or not np.isfinite(poses).all():
         told = f"the camera of {files[-1].name} is left out: it is not known in all {frames} frames"
         return None, (told,)
-    return places, ()
+    return poses, ()
