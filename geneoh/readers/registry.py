@@ -59,6 +59,8 @@ hot3d | HOT3D | two hands, objects | see the site | facebookresearch.github.io/h
 ho3d | HO-3D v3 | right hand, object | non-commercial research | github.com/shreyashampali/ho3d
 h2o3d | H2O-3D | two hands, object | non-commercial research | github.com/shreyashampali/ho3d
 oakink | OakInk, images | right hand, object | non-commercial research | oakink.net
+gigahands | GigaHands | two hands, object | CC BY-NC 4.0 | \
+github.com/Kristen-Z/GigaHands
 oakink2 | OakInk2 | two hands, objects | see the site | oakink.net/v2
 fphab | FPHAB with Hasson's fits | right hand, object | non-commercial research | \
 guiggh.github.io/publications/first-person-hands

@@ -35,6 +35,7 @@ from trees.mocap import (
 from trees.videos import (
     dexycb,
     fphab,
+    gigahands,
     h2o,
     h2o3d,
     ho3d,
@@ -135,6 +136,7 @@ CASES = [
     Case("ho3d", ho3d, "origin to its wrist", only=("right",)),
     Case("h2o3d", h2o3d, "origin to its wrist", expected=of_one_subject),
     Case("oakink", oakink, "origin to its wrist", only=("right",)),
+    Case("gigahands", gigahands, "from the stored keypoints"),
     Case("oakink2", oakink2, "that of the origin"),
     Case("fphab", fphab, "origin to its wrist", only=("right",)),
     Case(

@@ -1,4 +1,5 @@
-"""Data sets annotated in images: HOI4D, H2O, DexYCB, HO-Cap, HOT3D, HO-3D, OakInk, FPHAB, TACO."""
+"""Data sets annotated in images: HOI4D, H2O, DexYCB, HO-Cap, HOT3D, HO-3D, OakInk, FPHAB and
+more."""
 
 import json
 from dataclasses import replace
@@ -14,7 +15,7 @@ from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.sources.fphab import EXTRINSIC
 from trees.interaction import Scene, cameras, flat, rigid, turns, vectors
 from trees.mano_files import SIDES
-from trees.writers import dump, save, text_frames, write_mesh
+from trees.writers import dump, save, text_frames, write_json, write_mesh
 
 HOI_ID = "ZY20210800001/H1/{category}/N12/S55/s02/T1"
 
@@ -120,6 +121,33 @@ def h2o(root: Path, s: Scene, wrong: bool) -> None:
     text_frames(folder / "obj_pose_rt", np.concatenate([np.full((s.frames, 1), 5), placed], axis=1))
     text_frames(folder / "cam_pose", cameras(s.frames))
     write_mesh(root / "object/milk/milk.obj", s.verts, s.faces)
+
+
+def gigahands(root: Path, s: Scene, wrong: bool) -> None:
+    session, hands, first = root / "hand_poses/p003-instrument", {}, 40
+    for side in SIDES:
+        turn, offset = s.pose[side][:, 0], s.mano[side].wrist_offset(s.betas[side])
+        fingers = flat(s.pose[side])[:, 3:] - s.mano[side].mean
+        hands[side] = {
+            "poses": np.concatenate([np.zeros((s.frames, 3)), fingers], axis=1).tolist(),
+            "shapes": s.betas[side][None].tolist(),
+            "Rh": turn.tolist(),
+            "Th": (s.origin(side) if wrong else s.wrist[side] - turns(turn) @ offset).tolist(),
+        }
+    write_json(session / "params/033.json", hands)
+    for side in SIDES:
+        chosen = list(range(first, first + s.frames))
+        write_json(session / f"keypoints_3d/033/chosen_frames_{side}.json", chosen)
+    points = np.concatenate([s.joints["left"], s.joints["right"]], axis=1)
+    write_json(session / "keypoints_3d_mano_align/033.json", points.tolist())
+    inverse = np.roll(Rotation.from_matrix(s.rotation).inv().as_quat(), 1, axis=1)
+    poses = {
+        f"{first + t:06d}": {"mesh_translation": [s.shift[t].tolist()], "mesh_rotation": q.tolist()}
+        for t, q in enumerate(inverse)
+    }
+    recording = root / "object_poses/17_instruments/box_scan/p003-instrument_0033"
+    write_json(recording / "pose/optimized_pose.json", poses)
+    write_mesh(root / "object_meta/17_instruments/box_scan/box.obj", s.verts, s.faces)
 
 
 def coefficients(s: Scene, side: str) -> np.ndarray:

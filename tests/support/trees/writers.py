@@ -1,5 +1,6 @@
 """Files as the sources' own tools write them."""
 
+import json
 import pickle
 import sys
 import types
@@ -33,6 +34,11 @@ def text_frames(folder: Path, rows: np.ndarray) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for t, row in enumerate(rows):
         (folder / f"{t:06d}.txt").write_text(" ".join(f"{x:.9f}" for x in row.ravel()))
+
+
+def write_json(path: Path, value: object) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value))
 
 
 def write_table(path: Path, head: list[str], columns: list[np.ndarray]) -> None:
