@@ -55,7 +55,7 @@ class ReaderOptions:
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
     """Focal length of the camera in pixels, for image-based estimators."""
-    camera: Place | None = None
+    camera: Place | Array | None = None
     """Position of the camera in the world, metres, instead of the source's own."""
 
     def __post_init__(self) -> None:
@@ -185,7 +185,7 @@ class ClipParts:
     """Fields with the times or numbers of the frames, which may be uneven; they replace `fps`."""
     convention: ManoConvention | None = None
     """How this clip uses MANO, where the clips of the source differ in it."""
-    camera: Place | None = None
+    camera: Place | Array | None = None
     """Position of the camera whose images the hands were estimated from, metres, world; None where
     unknown."""
     camera_poses: Array | None = None
