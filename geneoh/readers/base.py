@@ -55,7 +55,7 @@ class ReaderOptions:
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
     """Focal length of the camera in pixels, for image-based estimators."""
-    camera: Place | Array | None = None
+    camera: Place | None = None
     """Position of the camera in the world, metres, instead of the source's own."""
 
     def __post_init__(self) -> None:
