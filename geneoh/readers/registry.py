@@ -69,6 +69,8 @@ hamer | HaMeR and WiLoR dumps | hands | HaMeR MIT, WiLoR CC BY-NC-ND 4.0 | \
 github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR
 hawor | HaWoR world results | two hands | CC BY-NC-ND 4.0 | github.com/ThunderVVV/HaWoR
 dynhamr | Dyn-HaMR world results | two hands | see the site | github.com/ZhengdiYu/Dyn-HaMR
+video_to_data | NVIDIA's video_to_data results | two hands, object | see the site | \
+github.com/nvidia-isaac/video_to_data
 egoallo | EgoAllo results | two hands on a body | MIT | github.com/brentyi/egoallo
 aria | Aria MPS | hands | your own | facebookresearch.github.io/projectaria_tools
 landmarks | MediaPipe, WebXR or OpenXR landmarks | \

@@ -17,6 +17,7 @@ from trees.estimators import (
     keypoint_array,
     landmarks,
     parameter_array,
+    video_to_data,
 )
 from trees.interaction import Scene, scene
 from trees.mano_files import SIDES
@@ -167,6 +168,7 @@ CASES = [
     ),
     Case("hawor", hawor, "bend backward", object=False, left="mirrored"),
     Case("dynhamr", dynhamr, "bend backward", object=False, left="mirrored"),
+    Case("video_to_data", video_to_data, "bend backward", left="mirrored"),
     Case("aria", aria, "millimetres", fps=10.0, posed=False, object=False, unknown=(1,)),
     Case("landmarks", landmarks, "curl away from the palm", fps=72.0, posed=False, object=False),
     Case(

@@ -12,7 +12,7 @@ from geneoh.readers.joint_orders import ORDERS
 from trees.interaction import Scene, cameras, flat, turns, vectors
 from trees.mano_files import FLIP, SIDES
 from trees.mocap import arctic
-from trees.writers import dump_joblib, write_table
+from trees.writers import dump_joblib, write_mesh, write_table
 
 
 def halved(s: Scene) -> Scene:
@@ -148,6 +148,37 @@ def dynhamr(root: Path, s: Scene, wrong: bool) -> None:
         },
     }
     (run / "track_info.json").write_text(json.dumps(info))
+
+
+def video_to_data(root: Path, s: Scene, wrong: bool) -> None:
+    to_world = cameras(s.frames)
+    back = np.linalg.inv(to_world)
+    fields = {
+        "camera_to_world_transform": to_world,
+        "camera_is_valid": np.ones(s.frames, bool),
+        "camera_intrinsics": np.array([600.0, 600.0, 320.0, 240.0]),
+        "object_to_camera_transform": back @ s.matrices(),
+        "object_scale": np.array(0.5),
+        "object_is_valid": np.ones(s.frames, bool),
+    }
+    for side in SIDES:
+        turn = -FLIP if side == "left" and not wrong else np.ones(3)
+        orientation = vectors(back[:, :3, :3] @ turns(s.pose[side][:, 0]))
+        wrist = (back[:, :3, :3] @ s.wrist[side][..., None])[..., 0] + back[:, :3, 3]
+        offset = s.mano[side].wrist_offset(s.betas[side], "mirrored")
+        values = {
+            "betas": s.betas[side],
+            "wrist_orient_in_camera": orientation * turn,
+            "wrist_trans_in_camera": wrist - offset,
+            "finger_pose": s.pose[side][:, 1:] * turn,
+            "scale": np.ones(s.frames),
+            "is_valid": np.ones(s.frames, bool),
+        }
+        fields |= {f"hand_{side}_{name}": value for name, value in values.items()}
+    folder = root / "outputs/result"
+    write_mesh(folder / "mesh.obj", 2 * s.verts, s.faces)
+    single = {name: v.astype("f4") if v.dtype == "f8" else v for name, v in fields.items()}
+    np.savez(folder / "result.npz", **single)
 
 
 def aria(root: Path, s: Scene, wrong: bool) -> None:
