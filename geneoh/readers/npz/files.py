@@ -23,7 +23,14 @@ from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz import layouts
 from geneoh.readers.npz.hands import read_hands
 from geneoh.readers.npz.layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
-from geneoh.readers.npz.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays
+from geneoh.readers.npz.meshes import (
+    FILES,
+    HASHES,
+    IN_NO_FILE,
+    find_meshes,
+    mesh_arrays,
+    other_mesh,
+)
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
 from geneoh.readers.places import Place, place_of
@@ -109,12 +116,13 @@ def load(
     record = with_joint_order(record, layout, joint_order)
     record = with_callers(record, "obj_pose", given and given.matrices)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
+    about_mesh: Notes = () if meshes is None else other_mesh(record, meshes)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
     # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, given)
-    notes = (*notes, missing) if missing else notes
+    notes = (*notes, *about_mesh, *([missing] if missing else []))
     for note in notes:
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None

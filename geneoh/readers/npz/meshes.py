@@ -10,7 +10,7 @@ from geneoh.files.npz import Arrays
 from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import load_mesh
 from geneoh.readers.npz.layouts import MESH_FIELDS
-from geneoh.readers.records import Record
+from geneoh.readers.records import Notes, Record
 
 FILES, HASHES = MESH_FIELDS
 IN_NO_FILE = "the object's mesh was made in memory, and no file is known that holds it"
@@ -55,6 +55,19 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
             return (), f"the object's mesh {name} was changed since then"
         meshes.append(same)
     return tuple(meshes), ""
+
+
+def other_mesh(record: Record, meshes: tuple[Mesh, ...]) -> Notes:
+    """A note where none of a caller's meshes, nor of their parts, is one that an npz has hashes of.
+
+    The poses in the npz may be wrong for another mesh, which may have another origin or size.
+    """
+    if HASHES not in record:
+        return ()
+    hashes = record.texts(HASHES)
+    if any(each.sha256 in hashes for mesh in meshes for each in (mesh, *mesh.parts)):
+        return ()
+    return ("the mesh in --obj is another one than the file was written with",)
 
 
 def known_mesh(path: Path, hashes: list[str] | None) -> Mesh | None:

@@ -72,7 +72,15 @@ def test_another_mesh_of_the_same_name_is_not_taken(kept):
     sequence = geneoh.load(kept)
     assert sequence.object.meshes == ()
     assert "was changed since then" in sequence.source
-    assert geneoh.load(kept, obj=path).object.meshes
+    given = geneoh.load(kept, obj=path)
+    assert given.object.meshes
+    assert "the mesh in --obj is another one than the file was written with" in given.source
+
+
+def test_the_same_mesh_from_elsewhere_needs_no_note(kept, tmp_path):
+    (kept.parent / "../objects/tool.obj").rename(tmp_path / "moved.obj")
+    given = geneoh.load(kept, obj=tmp_path / "moved.obj")
+    assert "another one than the file was written with" not in given.source
 
 
 def test_a_mesh_that_cannot_be_read_any_more_is_missed_in_words(kept):
