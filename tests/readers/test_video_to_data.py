@@ -49,6 +49,13 @@ def test_a_scale_in_the_poses_belongs_to_the_mesh(tree):
     motion = recording.sequence.object
     np.testing.assert_allclose(motion.rotation[:, 0], scene("mirrored").rotation, atol=1e-6)
     np.testing.assert_allclose(motion.meshes[0].verts, scene().verts, atol=1e-6)
+    assert "the object is 0.5 times mesh.obj; geneoh convert" in recording.sequence.source
+
+
+def test_a_mesh_of_its_own_size_is_the_file(tree):
+    change(tree, object_scale=np.array(1.0))
+    (recording,) = CASE.read(tree, None)
+    assert recording.sequence.object.meshes[0].source == tree / "outputs/result/mesh.obj"
 
 
 @pytest.mark.parametrize(("size", "told"), [(1.005, False), (1.2, True)])

@@ -34,6 +34,8 @@ FIELDS: dict[str, Shape] = {
 }
 """The fields with a value for each frame."""
 
+ROUNDING = 1e-4
+"""Difference of a factor from 1 up to which it is 1, as the files have float32."""
 SAME_SIZE = 0.01
 """Largest relative difference of the size of a hand from MANO's that needs no note."""
 
@@ -66,7 +68,9 @@ def video_to_data(clip: base.SourceClip, options: base.ReaderOptions) -> base.Pa
     factor = scale * record.finite("object_scale")
     if factor <= 0:
         raise record.refuse("object_scale", "a factor above 0")
-    mesh = Mesh(mesh.verts * factor, mesh.faces, mesh.source if factor == 1 else None)
+    if abs(factor - 1) > ROUNDING:
+        notes.append(f"the object is {factor:.3g} times mesh.obj; geneoh convert writes its mesh")
+        mesh = Mesh(mesh.verts * factor, mesh.faces)
     about = {"notes": tuple(notes), "camera_poses": arrays[CAMERA]}
     meshes, motion = {"video_to_data": mesh}, arrays[CAMERA] @ poses
     yield base.ClipParts(f"video_to_data {clip.name}", hands, meshes, motion, **about)
