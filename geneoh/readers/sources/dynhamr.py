@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from geneoh.choices import Side
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base, foreign_files
@@ -65,7 +66,9 @@ def dynhamr(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         if array.shape[:2] != (tracks, frames):
             raise record.refuse(name, f"of {tracks} tracks and {frames} frames, as 'is_right'")
     betas = record.array("betas", (tracks, 10))
-    sides = ["right" if right else "left" for right in np.median(arrays["is_right"], axis=1) > 0.5]
+    sides: list[Side] = [
+        "right" if right else "left" for right in np.median(arrays["is_right"], axis=1) > 0.5
+    ]
     if len(set(sides)) < tracks:
         raise record.refuse("is_right", "of one track at most for each side")
     detected, first, notes = detections(clip.path, tracks, frames)

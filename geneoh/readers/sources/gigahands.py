@@ -62,7 +62,9 @@ def gigahands(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     params = as_record(read_json(path), str(path))
     count = max(len(params.record(side).array("Th", ("T", 3))) for side in SIDES)
     points = stored_points(files / "keypoints_3d_mano_align" / f"{number}.json", count)
-    joints = {side: placed(points[side], rows[side], frames, path) for side in points}
+    joints: dict[Side, Array] = {
+        side: placed(each, rows[side], frames, path) for side, each in points.items()
+    }
     hands = [read_hand(params.record(s), s, rows[s], frames, joints.get(s), options) for s in SIDES]
     mesh = find_mesh(mesh_files(folder, options), folder.parent.name)
     name = folder.parent.name if mesh.source is None else mesh.source.stem
