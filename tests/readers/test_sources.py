@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from trees import CASES, Case, Scene, cameras, opened, scene, written
+from trees import CASES, Case, Scene, cameras, case_of, opened, scene, written
 
 import geneoh
 from geneoh.errors import InputError
@@ -82,6 +82,15 @@ def test_a_twin_in_the_wrong_convention_is_told_apart(case, tmp_path, mano_dir):
     said = [words for outcome in outcomes for words in outcome.contradictions]
     assert case.caught in " ".join(said)
     assert not list((tmp_path / "out").rglob("*.npz"))
+
+
+@pytest.mark.parametrize("source", ["dynhamr", "egoallo", "video_to_data"])
+def test_a_source_without_its_name_is_told(source, tmp_path):
+    case = case_of(source)
+    case.write(tmp_path)
+    (clip,) = case.clips(tmp_path)
+    with pytest.raises(InputError, match=f"got no --from; pass --from {source}"):
+        geneoh.load(clip.path)
 
 
 def test_every_source_has_a_tree():

@@ -16,6 +16,7 @@ from geneoh.errors import InputError, shortened
 from geneoh.files.npz import read_archive
 from geneoh.files.outputs import SEQUENCE_FORMAT
 from geneoh.readers.records import RESHAPE, Record
+from geneoh.readers.registry import SOURCES
 
 Layout = Literal["geneoh-sequence", "smplx", "taco", "joints"]
 
@@ -65,6 +66,13 @@ MARKS: dict[Layout, tuple[str, ...]] = {
 BODY_MARKS = (("body_pose",), ("pose_body",), ("poses", "trans"))
 """Sets of fields that identify a body, by the names of smplx or AMASS."""
 
+SOURCE_MARKS = {
+    "dynhamr": ("root_orient", "pose_body", "is_right"),
+    "egoallo": ("Ts_world_root", "body_quats"),
+    "video_to_data": ("camera_to_world_transform", "hand_right_finger_pose"),
+}
+"""Sets of fields that identify a source of `geneoh.readers.registry.SOURCES`."""
+
 POSE_NAMES = ("pose", "poses", "theta", "thetas", "fullpose", "full_pose", "mano_pose")
 """Common names of a single field with MANO's whole pose: global orientation and fingers."""
 
@@ -96,6 +104,12 @@ def layout_of(record: Record) -> Layout:
             f"{record.where}: has fields of the geneoh-sequence layout, got no 'format'; "
             f"add format='{FORMAT}' and version={VERSION}"
         )
+    for source, names in SOURCE_MARKS.items():
+        if all(name in record for name in names):
+            raise InputError(
+                f"{record.where}: has the fields of {SOURCES[source].title} ({quoted(names)}), got "
+                f"no --from; pass --from {source}"
+            )
     found: dict[Layout, list[str]] = {
         layout: [name for name in marks if name in record] for layout, marks in MARKS.items()
     }
