@@ -73,6 +73,10 @@ class Mesh(Bundle):
         """Sides of the axis-aligned bounding box."""
         return self.verts.amax(0) - self.verts.amin(0)
 
+    def center(self) -> Float[Tensor, " 3"]:
+        """The centre of the axis-aligned bounding box."""
+        return (self.verts.amax(0) + self.verts.amin(0)) / 2
+
     def corners(self) -> Float[Tensor, "F 3 3"]:
         """The three corners of each face."""
         return self.verts[self.faces]

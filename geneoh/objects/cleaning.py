@@ -28,7 +28,7 @@ from geneoh.objects.smoothing import (
     smooth_points,
     smooth_rotations,
 )
-from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
+from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
@@ -109,7 +109,8 @@ def clean_part(
     if seen.sum() < LEAST_FRAMES:  # noise and motion cannot be distinguished
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
-    world = RigidMotion(rotations, rotations.apply(box_center(mesh)) + places, seen)
+    middle = mesh.center().double().cpu().numpy()
+    world = RigidMotion(rotations, rotations.apply(middle) + places, seen)
     views = Views.of(world, palms)
     shakes = is_shaky(views, fps)
     limit = step_limit(increments(rotations), TURN_CHANGE, fps)

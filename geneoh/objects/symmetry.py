@@ -76,12 +76,8 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
     # half turns across an axis of revolution follow from one of them
     group = finite[:2] if revolution else finite
     rotations = closure(group, [Rotation.from_rotvec(step * axis) for step in steps])
-    return Symmetry(center if len(rotations) > 1 else box_center(surface.mesh), rotations)
-
-
-def box_center(mesh: Mesh) -> Float64[np.ndarray, " 3"]:
-    """The centre of a mesh's bounding box, metres."""
-    return (mesh.verts.amax(0) + mesh.verts.amin(0)).double().cpu().numpy() / 2
+    middle = surface.mesh.center().double().cpu().numpy()
+    return Symmetry(center if len(rotations) > 1 else middle, rotations)
 
 
 def _distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:

@@ -19,15 +19,10 @@ from geneoh.readers import transforms
 from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, finite_frames
 from geneoh.readers.clock import Clock
 from geneoh.readers.foreign_files import field_by_frame
-from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
 from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-
-OPENPOSE_FROM_MANO = ORDERS["mano"].entries
-"""Index of each OpenPose keypoint in the order of ARCTIC and HO-3D: MANO's 16 joints, then the tips
-of thumb, index, middle, ring and pinky."""
 
 CHAINS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
 """Slice of each hand among the 30 finger joints of a body."""

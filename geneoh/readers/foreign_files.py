@@ -15,7 +15,7 @@ from geneoh.errors import InputError
 from geneoh.files.reading import open_text, read_bytes
 from geneoh.files.values import read_values
 from geneoh.readers.nested_lists import Shape
-from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, as_record
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
 
 TABLE_LIMIT = 2**29
 """Bytes of a table that is read line by line."""
@@ -32,10 +32,9 @@ def read_record(path: Path) -> Record:
     return as_record(read_values(path), str(path))
 
 
-def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
-    """The one array in a npy, pickle or checkpoint file; `remedy` is for one of other shapes."""
-    record = Record(str(path), {"array": read_values(path)}, remedy or AS_DISTRIBUTED)
-    return record.array("array", *shapes)
+def read_array(path: Path, *shapes: Shape) -> Array:
+    """The one array in a npy, pickle or checkpoint file."""
+    return Record(str(path), {"array": read_values(path)}).array("array", *shapes)
 
 
 def read_json(path: Path) -> Any:

@@ -96,8 +96,7 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
         refuse_missing(path)
         clips = source.reader().find(path.resolve())
         if results is not None and not lies_within(path, results):
-            written = results.resolve()
-            clips = [clip for clip in clips if not clip.path.resolve().is_relative_to(written)]
+            clips = [clip for clip in clips if not lies_within(clip.path, results)]
         if not clips:
             raise InputError(
                 f"{path}: expected files of {source.title} at or below it, got none; give a folder "

@@ -42,7 +42,12 @@ DIRECTED = {
     for limb in LIMBS
     for joint, after in pairwise(limb)
 }
-"""The joint at the other end of each joint's bone."""
+DIRECTED |= {
+    JOINT_NAMES[joint]: JOINT_NAMES[after]
+    for after, joint in enumerate(PARENTS)
+    if joint > max(WRISTS.values())
+}
+"""The joint at the other end of the bone of each joint of a limb or a finger."""
 CM = 100.0
 ROOT_CHANNELS = "CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation"
 TURN_CHANNELS = "CHANNELS 3 Zrotation Yrotation Xrotation"
@@ -129,18 +134,12 @@ def rest_turns(rest: dict[str, Float[Tensor, " 3"]]) -> dict[str, Float[Tensor, 
     for joint, name in enumerate(JOINT_NAMES):
         limb = joint > 0 and name.startswith(SIDES)
         turn = turns[JOINT_NAMES[PARENTS[joint]]] if limb else facing
-        towards = DIRECTED.get(name) or next_finger(joint)
+        towards = DIRECTED.get(name)
         if towards in rest and name in rest and bool((rest[towards] - rest[name]).any()):
             bone = turn @ ours[JOINT_NAMES.index(towards)]
             turn = shortest_turn(bone, rest[towards] - rest[name]) @ turn
         turns[name] = turn
     return turns
-
-
-def next_finger(joint: int) -> str:
-    """The child of a finger joint; empty for other joints."""
-    after = children_of(joint) if joint > max(WRISTS.values()) else []
-    return JOINT_NAMES[after[0]] if after else ""
 
 
 def facing_of(rest: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, "3 3"]:

@@ -55,20 +55,13 @@ Cell = tuple[Side | None, int, int, int, float]
 """Side, frame, point, axis and value of a coordinate."""
 
 
-def read_points(
-    path: Path, side: Side | None, order: JointOrder = "openpose"
-) -> mediapipe.Landmarks:
-    """The hands in a table of points, by their side; see `as_one_hand`.
-
-    `order` is the keypoint order of points that have numbers.
-    """
-    return points_in_rows(*read_rows(path), path, side, order)
-
-
 def points_in_rows(
     rows: list[Row], names: list[str], path: Path, side: Side | None, order: JointOrder
 ) -> mediapipe.Landmarks:
-    """As `read_points`, from rows and the names of their columns."""
+    """The hands in a table of points, by their side; see `as_one_hand`.
+
+    `names` are those of the columns, and `order` is the keypoint order of points with numbers.
+    """
     frames = frames_of(rows)
     numbered_as = Numbering(order, path)
     columns = point_columns(names, numbered_as)

@@ -27,9 +27,10 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES, Mesh
-from geneoh.readers import base, builders
+from geneoh.readers import base
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import frame_number, read_array, read_json, read_record
+from geneoh.readers.joint_orders import openpose_order
 from geneoh.readers.meshes import find_mesh, part_of_mesh, read_mesh
 from geneoh.readers.nested_lists import Shape
 from geneoh.readers.records import Array, Record
@@ -82,7 +83,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     for side in ("right", "left"):
         stored = world.optional_array(f"joints.{side}", (len(motion), 21, 3))
         if stored is not None:
-            joints[side] = stored[:, builders.OPENPOSE_FROM_MANO]
+            joints[side], _ = openpose_order(stored, "mano")
     verts = world.optional_array("verts.object", (len(motion), "V", 3))
     moved = None
     if verts is not None and verts.shape[1] == sum(len(m.verts) for m in meshes.values()):
@@ -230,17 +231,16 @@ def _exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
     files = [folder / "bottom.obj", folder / "top.obj"]
     if not all(file.is_file() for file in files):
         return ()
-    true_bottom, true_top = (middle(read_mesh(file, "mm")) for file in files)
-    straight = np.linalg.norm(middle(bottom) - true_bottom) + np.linalg.norm(middle(top) - true_top)
-    crossed = np.linalg.norm(middle(bottom) - true_top) + np.linalg.norm(middle(top) - true_bottom)
-    if crossed < straight:
+    own_bottom, own_top = (read_mesh(file, "mm") for file in files)
+    straight = apart(bottom, own_bottom) + apart(top, own_top)
+    if apart(bottom, own_top) + apart(top, own_bottom) < straight:
         return ("parts: parts.json calls top what top.obj calls bottom; 0 must be the top",)
     return ()
 
 
-def middle(mesh: Mesh) -> Array:
-    """(3,) the middle of the bounding box."""
-    return ((mesh.verts.amax(0) + mesh.verts.amin(0)) / 2).double().numpy()
+def apart(one: Mesh, other: Mesh) -> float:
+    """Distance between the centres of two meshes, metres."""
+    return float((one.center().double() - other.center().double()).norm())
 
 
 def templates(path: Path) -> Path:

@@ -36,7 +36,6 @@ from geneoh.readers.npz.hands import side_of
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.npz.tracks import frames_with_shape, observed_frames, read_confidence
 from geneoh.readers.records import Array, Notes, Record
-from geneoh.sequence.sequence import ObjectTrack
 
 KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"
 PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side by side in a npy"
@@ -64,7 +63,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     yield base.ClipParts(
         f"{clip.path.name} (keypoints in the order {order})",
         [hand],
-        **said_beside(record, options, (*missed, *notes)),
+        **beside_hand(record, options, (*missed, *notes)),
     )
 
 
@@ -95,7 +94,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
         f"{clip.path.name} (MANO parameters)",
         [hand],
         convention=base.ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
-        **said_beside(record, options, notes),
+        **beside_hand(record, options, notes),
     )
 
 
@@ -112,21 +111,17 @@ def _fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[s
     return value
 
 
-def said_beside(record: Record, options: base.ReaderOptions, notes: Notes) -> dict[str, Any]:
-    """Fields of `ClipParts` other than the hand: timestamps, the file's object, and notes."""
-    motion, about_object = stated_object(record, options)
-    return {"stamps": record, "stated": motion, "notes": (*notes, *about_object)}
-
-
-def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:
-    """A file's own object, unless the caller passes poses, and notes on fields that are ignored."""
-    own = [name for name in layouts.OBJECT_FIELDS[:3] if name in record]
+def beside_hand(record: Record, options: base.ReaderOptions, notes: Notes) -> dict[str, Any]:
+    """Fields of `ClipParts` other than the hand: timestamps, the file's object unless the caller
+    passes poses, and notes, also on fields that are ignored."""
+    motion, fields = None, layouts.OBJECT_FIELDS[:3]
+    if options.object_pose is not None:
+        notes = (*notes, *unread(record, fields, "--object-pose"))
+    elif any(name in record for name in fields):
+        motion, unit = read_object(record, options.meshes, 1), METRES[options.keypoint_unit or "m"]
+        motion = replace(motion, translation=unit * motion.translation)
     camera = unread(record, layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
-    if options.object_pose is not None or not own:
-        return None, (*unread(record, own, "--object-pose"), *camera)
-    motion = read_object(record, options.meshes, 1)
-    unit = METRES[options.keypoint_unit or "m"]
-    return replace(motion, translation=unit * motion.translation), camera
+    return {"stamps": record, "stated": motion, "notes": (*notes, *camera)}
 
 
 def unread(record: Record, names: Iterable[str], beside: str) -> Notes:

@@ -81,5 +81,5 @@ def read_skeleton(root: Path, way: Path, frames: int) -> Array | None:
     if not path.is_file():
         return None
     rows = {t: row.reshape(21, 3) for t, row in frame_rows(path, 63).items()}
-    joints = by_frame(rows, frames, 21, 3)[:, list(joint_orders.ORDERS["fphab"].entries)]
+    joints, _ = joint_orders.openpose_order(by_frame(rows, frames, 21, 3), "fphab")
     return moved_points(joints, EXTRINSIC) * METRES["mm"]

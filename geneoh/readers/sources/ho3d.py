@@ -13,6 +13,7 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.readers import base, builders, foreign_files, transforms
 from geneoh.readers.dataset_reader import reads
+from geneoh.readers.joint_orders import openpose_order
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 
@@ -50,9 +51,10 @@ def parts_of(
             f"{clip.path}: expected the fields of {title}, such as {min(wanted)}, got frames "
             "without them; choose ho3d for files of one hand, and h2o3d for those of two"
         )
-    joints: dict[Side, Array] = {
-        side: stored_joints(records, frames, prefix) for side, prefix in prefixes.items()
-    }
+    joints: dict[Side, Array] = {}
+    for side, prefix in prefixes.items():  # in MANO's order, and in OpenGL's axes
+        stored = field(records, f"{prefix}Joints3D", frames, 63).reshape(frames, 21, 3)
+        joints[side], _ = openpose_order(stored, "mano")
     hands = [hand_of(records, side, prefix, joints[side]) for side, prefix in prefixes.items()]
     turn = transforms.rotation_matrices(field(records, "objRot", frames, 3))
     name = object_name(records)
@@ -67,25 +69,16 @@ def parts_of(
 def hand_of(
     records: dict[int, Record], side: Side, prefix: str, joints: Array
 ) -> base.ManoParameters:
-    """One hand with its `stored_joints`, and the mean of the betas of its frames."""
+    """One hand with its stored keypoints, and the mean of the betas of its frames."""
     frames = len(joints)
     pose = field(records, f"{prefix}Pose", frames, 48)
     betas = field(records, "handBeta", frames, 10)
     betas = betas[np.isfinite(betas).all(1)]
-    places = {
-        "joints": builders.joints_if_complete(joints, pose),
-        "to_world": to_opencv(frames),
-    }
+    places = field(records, f"{prefix}Trans", frames, 3)
+    stored = builders.joints_if_complete(joints, pose)
+    about = {"joints": stored, "to_world": to_opencv(frames)}
     mean = betas.mean(0) if len(betas) else None
-    return base.ManoParameters(
-        side, pose, field(records, f"{prefix}Trans", frames, 3), mean, **places
-    )
-
-
-def stored_joints(records: dict[int, Record], frames: int, prefix: str) -> Array:
-    """(T, 21, 3) stored keypoints in OpenPose's order, in OpenGL's axes."""
-    joints = field(records, f"{prefix}Joints3D", frames, 63).reshape(frames, 21, 3)
-    return joints[:, builders.OPENPOSE_FROM_MANO]
+    return base.ManoParameters(side, pose, places, mean, **about)
 
 
 def to_opencv(frames: int) -> Array:

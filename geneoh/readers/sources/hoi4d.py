@@ -28,6 +28,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.readers import base, builders, foreign_files, transforms
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, frame_number, read_record
+from geneoh.readers.joint_orders import openpose_order
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, as_record
 
@@ -245,7 +246,7 @@ def _read_joints(steps: dict[int, Record], frames: int) -> Array:
     stated = {frame: step for frame, step in steps.items() if "joints" in step}
     shapes = (63,), (21, 3)
     found = {t: step.array("joints", *shapes).reshape(21, 3) for t, step in stated.items()}
-    return by_frame(found, frames, 21, 3)[:, builders.OPENPOSE_FROM_MANO]
+    return openpose_order(by_frame(found, frames, 21, 3), "mano")[0]
 
 
 def _read_motion(steps: dict[int, Record], frames: int) -> Array:

@@ -33,7 +33,7 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.keypoints.json_hands import read_hands
 from geneoh.readers.keypoints.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
 from geneoh.readers.keypoints.missing import without_missing
-from geneoh.readers.keypoints.tables import as_rows, points_in_rows, read_points
+from geneoh.readers.keypoints.tables import as_rows, points_in_rows, read_rows
 from geneoh.readers.npz.hands import side_of
 from geneoh.readers.npz.layouts import quoted
 from geneoh.readers.records import Record, as_record, described, float32
@@ -87,7 +87,8 @@ def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmark
     `side` is the caller's, and `order` is the keypoint order of points without names.
     """
     if path.suffix.lower() == ".csv":
-        return with_sides(read_points(path, side, order), str(path), side)
+        found = points_in_rows(*read_rows(path), path, side, order)
+        return with_sides(found, str(path), side)
     value, where = read_value(path), str(path)
     found = read_results(value, where, side)
     if order != "openpose" and (found or is_own(value)):

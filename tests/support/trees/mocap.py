@@ -9,7 +9,7 @@ import scipy.sparse
 import torch
 from scipy.spatial.transform import Rotation
 
-from geneoh.readers.builders import OPENPOSE_FROM_MANO
+from geneoh.readers.joint_orders import ORDERS
 from trees.interaction import Scene, flat, lid, opened, turns, vectors
 from trees.mano_files import FLIP, SIDES, mano_model
 from trees.writers import dump, dump_joblib, save, write_mesh
@@ -173,7 +173,7 @@ def arctic(root: Path, s: Scene, wrong: bool) -> dict:
 
 def arctic_processed(root: Path, s: Scene, wrong: bool) -> None:
     raw = arctic(root, s, False)
-    from_m = np.argsort(OPENPOSE_FROM_MANO)
+    from_m = np.argsort(ORDERS["mano"].entries)
     params, world = {}, {}
     for side in SIDES:
         for name in ("rot", "pose", "trans"):

@@ -10,7 +10,6 @@ import torch
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from geneoh.readers.builders import OPENPOSE_FROM_MANO
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.sources.fphab import EXTRINSIC
 from trees.interaction import Scene, cameras, flat, rigid, turns, vectors
@@ -21,7 +20,7 @@ HOI_ID = "ZY20210800001/H1/{category}/N12/S55/s02/T1"
 
 
 def hoi4d_cases(root: Path, s: Scene, wrong: bool) -> None:
-    joints = s.joints["right"][:, np.argsort(OPENPOSE_FROM_MANO)]
+    joints = s.joints["right"][:, np.argsort(ORDERS["mano"].entries)]
     trans = s.wrist["right"] if wrong else s.origin("right")
     frames = {
         t: {
@@ -290,7 +289,7 @@ def write_metas(root: Path, s: Scene, wrong: bool, prefixes: dict[str, str]) -> 
             fields |= {
                 f"{prefix}Pose": np.concatenate([orient, flat(s.pose[side])[t, 3:]]),
                 f"{prefix}Trans": gl @ s.wrist[side][t] - offset,
-                f"{prefix}Joints3D": (s.joints[side][t] @ gl)[np.argsort(OPENPOSE_FROM_MANO)],
+                f"{prefix}Joints3D": (s.joints[side][t] @ gl)[np.argsort(ORDERS["mano"].entries)],
             }
         dump(root / f"train/ABF10/meta/{t:04d}.pkl", fields, 2)
     write_mesh(root / "models/025_mug/textured_simple.obj", s.verts, s.faces)
