@@ -8,7 +8,7 @@ import msgpack
 
 from geneoh.errors import InputError
 
-LONGEST = 2**20
+LIMIT = 2**20
 """Most bytes of a frame, so that input without an end of line cannot fill the memory."""
 MSGPACK_MAPS = (*range(0x80, 0x90), 0xDE, 0xDF)
 """Possible first bytes of a msgpack map; JSON text begins with none of them."""
@@ -25,9 +25,9 @@ def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
 
 def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
     """Frames as msgpack maps; `first` is the byte of the input that was already read."""
-    unpacker = msgpack.Unpacker(max_buffer_size=LONGEST)
+    unpacker = msgpack.Unpacker(max_buffer_size=LIMIT)
     number, given, taken = 1, 0, 0  # number of the next frame; bytes fed and unpacked
-    while first or (first := source.read1(LONGEST // 2)):  # pyright: ignore[reportAttributeAccessIssue]
+    while first or (first := source.read1(LIMIT // 2)):  # pyright: ignore[reportAttributeAccessIssue]
         given += len(first)
         while True:
             where = f"standard input, frame {number}"
@@ -49,7 +49,7 @@ def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]
 
 def _no_map(where: str, found: str) -> InputError:
     return InputError(
-        f"{where}: expected a frame as a msgpack map of at most {LONGEST} bytes with names as its "
+        f"{where}: expected a frame as a msgpack map of at most {LIMIT} bytes with names as its "
         f"keys, got {found}; correct it"
     )
 
@@ -57,13 +57,13 @@ def _no_map(where: str, found: str) -> InputError:
 def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
     """Frames as lines of JSON after the byte `first`, already read; blank lines are skipped."""
     number = 0
-    while line := first + (b"" if first == b"\n" else source.readline(LONGEST + 1)):
+    while line := first + (b"" if first == b"\n" else source.readline(LIMIT + 1)):
         first = b""
         number += 1
         where = f"standard input, line {number}"
-        if len(line) > LONGEST:
+        if len(line) > LIMIT:
             raise InputError(
-                f"{where}: expected one frame of at most {LONGEST} bytes, got a longer line; write "
+                f"{where}: expected one frame of at most {LIMIT} bytes, got a longer line; write "
                 "one JSON object for each frame, with an end of line after it"
             )
         if not line.strip():

@@ -30,7 +30,7 @@ COMMANDS = (
 """Subcommands in the order of `--help`. Each is a function of that name in commands/NAME.py, which
 imports torch and geneoh inside the function only, so that help is shown at once."""
 
-LONGEST = 2000
+LONGEST_MESSAGE = 2000
 """Most characters of a message; a longer one, which may quote user input, loses its middle."""
 
 INTERRUPTED = 130
@@ -39,9 +39,9 @@ INTERRUPTED = 130
 
 def failed(message: str, exit_code: int) -> click.exceptions.Exit:
     """Print one line on standard error; raise the return value to end the program."""
-    said = " ".join(message.split())
-    said = said if len(said) <= LONGEST else f"{said[: LONGEST // 2]}...{said[-LONGEST // 2 :]}"
-    click.echo(f"Error: {said}", err=True)
+    line, half = " ".join(message.split()), LONGEST_MESSAGE // 2
+    line = line if len(line) <= LONGEST_MESSAGE else f"{line[:half]}...{line[-half:]}"
+    click.echo(f"Error: {line}", err=True)
     return click.exceptions.Exit(exit_code)
 
 

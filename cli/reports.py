@@ -9,7 +9,7 @@ from geneoh.metrics.report import before_and_after, format_number, through_walls
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
-NOTED = 5.0
+NOTED_DISTANCE_MM = 5.0
 """Distance in millimetres of a body's wrists from those of its hands above which it is printed."""
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
     for note in body.notes:
         yield f"note: {note}"
     yield from mended_hands(made.refined)
-    if (apart := 1000 * made.wrists_apart()) > NOTED:
+    if (apart := 1000 * made.wrists_apart()) > NOTED_DISTANCE_MM:
         yield (
             f"note: the arms of the body stay: a wrist is up to {apart:.0f} mm off that of its "
             "hand, and a BVH and the names of smplx have the body's"

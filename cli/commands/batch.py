@@ -10,7 +10,7 @@ from geneoh.errors import numbered
 from .. import options, progress, sources
 from ..options import FOLDER, option
 
-TOLD = 5
+PRINTED_FAILURES = 5
 """Most failed clips that are printed; the summary has all of them."""
 
 
@@ -60,9 +60,9 @@ def batch(
     with progress.progress_bars() as on_progress:
         wanted = BatchOptions(folder, settings, chosen)
         made = clean_batch(clips, wanted, jobs=jobs or cores(), ray=ray, on_progress=on_progress)
-    for outcome in made.failed[:TOLD]:
+    for outcome in made.failed[:PRINTED_FAILURES]:
         click.echo(f"{outcome.clip}: failed, {outcome.failed}", err=True)
-    if (more := len(made.failed) - TOLD) > 0:
+    if (more := len(made.failed) - PRINTED_FAILURES) > 0:
         click.echo(f"and {more} more, see {folder / 'summary.csv'}", err=True)
     done = len(clips) - len(made.failed)
     click.echo(

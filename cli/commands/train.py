@@ -98,14 +98,14 @@ def train(
     stage, folder = chosen["stage"], chosen["folder"]
     if seed is not None:
         chosen["settings"] = (*chosen["settings"], f"seed={seed}")
-    asked = Asked(config or ("finetune" if chosen["start"] else stage), **chosen)
+    request = Request(config or ("finetune" if chosen["start"] else stage), **chosen)
     others = _generator_task if stage in GENERATOR_STAGES else cleaner_task
     make = _body_task if stage in BODY_STAGES else others
     with joined(named_device(device)) as (team, place):
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
-            task, weights, notes = make(asked, place, on_progress)
-            refuse_replaced(task.config, *asked.configuration())
+            task, weights, notes = make(request, place, on_progress)
+            refuse_replaced(task.config, *request.configuration())
         for note in notes:
             say(note)
         with progress.progress_bars(not team.rank) as on_progress:
@@ -121,7 +121,7 @@ def train(
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What the command line asks for, by the names of its parameters."""
 
     config: str
@@ -148,7 +148,7 @@ class Asked:
         return self.sources[0] if self.sources else default
 
 
-def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+def cleaner_task(request: Request, place: Any, on_progress: Any) -> Any:
     """The training task of a stage of the cleaner, its initial weights, and notes on its data."""
     from geneoh.denoisers.library import load_motion
     from geneoh.readers.base import ReaderOptions
@@ -158,26 +158,26 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.training.stages import StageTask
     from geneoh.training.start import started_from
 
-    stage, folder, start = asked.stage, asked.folder, asked.start
+    stage, folder, start = request.stage, request.folder, request.start
     _refuse_unused(stage, "text_encoder", "skeleton")
-    chosen, weights = stage_config(TrainConfig(), stage, *asked.configuration()), None
+    chosen, weights = stage_config(TrainConfig(), stage, *request.configuration()), None
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
-    sources = [parsed_source(text) for text in asked.sources or ("runs/data",)]
-    readers = ReaderOptions(mano_dir=asked.mano)
+    sources = [parsed_source(text) for text in request.sources or ("runs/data",)]
+    readers = ReaderOptions(mano_dir=request.mano)
     if not any(one.source for one in sources):
         _refuse_unused(f"{stage} and made interactions", "mano")
-        refuse_settings("clips", asked.settings, "recordings")
+        refuse_settings("clips", request.settings, "recordings")
     if all(one.source for one in sources):
-        refuse_settings("synthesis", asked.settings, "made interactions")
+        refuse_settings("synthesis", request.settings, "made interactions")
     data = training_data(sources, folder / "recordings", chosen, readers, on_progress=on_progress)
-    refuse_other_making(data.record, chosen.synthesis, asked.settings)
+    refuse_other_making(data.record, chosen.synthesis, request.settings)
     motion = load_motion(folder).to(place) if stage in FOLLOWS else None
     task = StageTask(stage, chosen, data.training, data.validation, motion, data.record)
     return task, weights, data.notes
 
 
-def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+def _generator_task(request: Request, place: Any, on_progress: Any) -> Any:
     """The training task of a network of the generator, its initial weights, and notes."""
     from geneoh.generators.text2hoi.learning.stages import Learned
     from geneoh.generators.text2hoi.learning.stages import generator_task as task_of
@@ -186,21 +186,21 @@ def _generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.training.data import parsed_source
     from geneoh.training.start import weights_for
 
-    stage = asked.stage
+    stage = request.stage
     # the vocabulary of subwords is learned again, and weights do not fit another vocabulary
     _refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
     if stage == "text":
         _refuse_unused(stage, "sources", "text_encoder", "mano")
-    data = parsed_source(asked.only_source(ACTIONS))
+    data = parsed_source(request.only_source(ACTIONS))
     if not data.source:
         _refuse_unused(f"{stage} and made actions", "mano")
-    readers = ReaderOptions(mano_dir=asked.mano)
-    learned = Learned(data, asked.folder, asked.text_encoder, readers)
-    task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
-    return task, weights_for(task, weights_to_start_from(asked, SHIPPED)), notes
+    readers = ReaderOptions(mano_dir=request.mano)
+    learned = Learned(data, request.folder, request.text_encoder, readers)
+    task, notes = task_of(stage, *request.configuration(), learned, on_progress)
+    return task, weights_for(task, weights_to_start_from(request, SHIPPED)), notes
 
 
-def _body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+def _body_task(request: Request, place: Any, on_progress: Any) -> Any:
     """The training task of a network for hands of a body, its initial weights, and notes."""
     from geneoh.generators.both2hands.library import SHIPPED
     from geneoh.generators.both2hands.stages import LearnedBodies
@@ -208,21 +208,21 @@ def _body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.training.data import parsed_source
     from geneoh.training.start import weights_for
 
-    stage = asked.stage
+    stage = request.stage
     _refuse_unused(stage, "mano", *(["text_encoder"] if stage == "body_hands" else []))
-    data = parsed_source(asked.only_source(BODIES), BODY_SOURCES)
+    data = parsed_source(request.only_source(BODIES), BODY_SOURCES)
     if not data.source:
         _refuse_unused(f"{stage} and made bodies", "skeleton")
-    start = weights_to_start_from(asked, SHIPPED)
-    learned = LearnedBodies(data, asked.folder, asked.text_encoder, asked.skeleton, start)
-    task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
+    start = weights_to_start_from(request, SHIPPED)
+    learned = LearnedBodies(data, request.folder, request.text_encoder, request.skeleton, start)
+    task, notes = task_of(stage, *request.configuration(), learned, on_progress)
     return task, weights_for(task, start), notes
 
 
-def weights_to_start_from(asked: Asked, shipped: Path) -> Path | None:
+def weights_to_start_from(request: Request, shipped: Path) -> Path | None:
     """The file of a network's initial weights; None for random ones."""
-    folder = shipped if asked.start == Path("shipped") else asked.start
-    return folder and folder / f"{asked.stage}.safetensors"
+    folder = shipped if request.start == Path("shipped") else request.start
+    return folder and folder / f"{request.stage}.safetensors"
 
 
 def _refuse_unused(stage: Any, *names: str) -> None:

@@ -23,13 +23,13 @@ HEAD_MARKS = {
     ".glb": b'"generator":"geneoh"',
     ".json": b'"generator": "geneoh ',
 }
-"""A mark in the first `HEAD` bytes of every file that geneoh writes, by its ending."""
+"""A mark in the first `MARK_BYTES` bytes of every file that geneoh writes, by its ending."""
 TAIL_MARKS = {
     ".mp4": b"\0\0\0\x0efreegeneoh",  # a box that players skip
     ".gif": b"\x21\xfe\x06geneoh\0;",  # a comment, and the end of the GIF
 }
 """The last bytes of each film that geneoh writes."""
-HEAD = 4096
+MARK_BYTES = 4096
 """Bytes at the start of a file that are searched for its mark; most bytes of a `format` field."""
 
 
@@ -137,7 +137,7 @@ def is_ours(path: Path) -> bool:
             return is_journal(path)
         with path.open("rb") as file:
             if ending in HEAD_MARKS:
-                return HEAD_MARKS[ending] in file.read(HEAD)
+                return HEAD_MARKS[ending] in file.read(MARK_BYTES)
             if mark := TAIL_MARKS.get(ending):
                 file.seek(-len(mark), os.SEEK_END)
                 return file.read() == mark
@@ -156,7 +156,7 @@ def _is_our_archive(path: Path) -> bool:
                 return False
             if names >= SMPLX_MARK:
                 return True
-            if "format.npy" not in names or archive.getinfo("format.npy").file_size > HEAD:
+            if "format.npy" not in names or archive.getinfo("format.npy").file_size > MARK_BYTES:
                 return False
             value = decode_array(archive.read("format.npy"), f"{path}: 'format'")
     except (InputError, *DAMAGE):

@@ -30,7 +30,7 @@ DAMAGE = (
 """Exceptions of Python's and numpy's readers for damaged files; numpy, for one, parses the header
 of an array as Python literals."""
 
-HEAD = 200
+HEAD_BYTES = 200
 """Bytes at the start of a file that tell what it is."""
 STAND_INS = (
     (b"version https://git-lfs", "a pointer of Git LFS; fetch the file itself with `git lfs pull`"),
@@ -67,7 +67,7 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
         data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from None
-    refuse_stand_in(path, data[:HEAD])
+    refuse_stand_in(path, data[:HEAD_BYTES])
     return data
 
 
@@ -114,9 +114,9 @@ def refuse_missing(path: Path) -> None:
 
 
 def head_of(path: Path) -> bytes:
-    """The first `HEAD` bytes of a file."""
+    """The first `HEAD_BYTES` bytes of a file."""
     with path.open("rb") as file:
-        return file.read(HEAD)
+        return file.read(HEAD_BYTES)
 
 
 def refuse_stand_in(path: Path, head: bytes) -> None:

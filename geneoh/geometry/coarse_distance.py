@@ -9,7 +9,7 @@ from torch import Tensor
 
 CELLS = 16384
 """Approximate number of cells. More cells decide more points, but take longer to compute."""
-SURE = 0.99  # safety factor, because distances are rounded
+DECIDED = 0.99  # safety factor, because distances are rounded
 MARGIN = 0.01  # metres by which the grid is larger than the mesh on every side
 
 Found = tuple[Float64[Tensor, " N"], Float64[Tensor, "N 3"], Float64[Tensor, "N 3"]]
@@ -62,7 +62,7 @@ class CoarseDistance:
         """
         cell, away = self._nearest(points)
         signed = self.distance[cell]
-        return signed < 0, away < SURE * (distance + signed.abs())
+        return signed < 0, away < DECIDED * (distance + signed.abs())
 
     def _nearest(
         self, points: Float64[Tensor, "N 3"]

@@ -9,10 +9,10 @@ from torch import Tensor
 
 from geneoh.geometry.mesh import Mesh
 
-GRID, CELLS = 0.004, 40
+GRID_SPACING, MOST_CELLS = 0.004, 40
 """Spacing of the marching cubes grid in metres, where thinner walls get holes; and most cells along
 a side, for large objects."""
-MARGIN = 3  # grid points around the object
+MARGIN_POINTS = 3  # grid points around the object
 NEIGHBOURS = 6  # nearest points that define the disc of surface that a point stands for
 AT_ONCE = 20_000  # query points per batch
 
@@ -22,8 +22,8 @@ def mesh_of_points(points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]) 
 
     Corners and edges are rounded by about the spacing of the points.
     """
-    grid = max(GRID, float((points.amax(0) - points.amin(0)).max()) / CELLS)
-    low, high = points.amin(0) - MARGIN * grid, points.amax(0) + MARGIN * grid
+    grid = max(GRID_SPACING, float((points.amax(0) - points.amin(0)).max()) / MOST_CELLS)
+    low, high = points.amin(0) - MARGIN_POINTS * grid, points.amax(0) + MARGIN_POINTS * grid
     x, y, z = (torch.arange(float(a), float(b), grid) for a, b in zip(low, high, strict=True))
     # in libigl's grids x varies fastest
     planes = torch.meshgrid(z, y, x, indexing="ij")

@@ -4,11 +4,11 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-NEAR = 0.005
+NEAR_WALL = 0.005
 """Largest distance in metres from the wall to the ends of an edge that goes through it."""
-OPPOSITE = -0.5
+OPPOSITE_COSINE = -0.5
 """Largest cosine between the outward normals on the two sides of a wall."""
-GRAZED = 5
+GRAZED_EDGES = 5
 """Edges of a frame that are tolerated: they may pass a rim, a corner or a wire instead."""
 
 
@@ -25,7 +25,7 @@ def goes_through(
 
     Args:
         verts: vertices of the skin.
-        distance: signed distance of each vertex to the object, metres, exact up to `NEAR`.
+        distance: signed distance of each vertex to the object, metres, exact up to `NEAR_WALL`.
         normal: gradient of the distance at each vertex.
         edges: edges of the skin.
     """
@@ -33,7 +33,7 @@ def goes_through(
     step = verts[..., end, :] - verts[..., start, :]
     one, other = distance[..., start], distance[..., end]
     ahead, behind = normal[..., start, :], normal[..., end, :]
-    outside = (torch.minimum(one, other) > 0) & (torch.maximum(one, other) < NEAR)
+    outside = (torch.minimum(one, other) > 0) & (torch.maximum(one, other) < NEAR_WALL)
     beyond = ((step * ahead).sum(-1) < -one) & ((step * behind).sum(-1) > other)
-    through = outside & beyond & ((ahead * behind).sum(-1) < OPPOSITE)
-    return through.sum(-1) > GRAZED
+    through = outside & beyond & ((ahead * behind).sum(-1) < OPPOSITE_COSINE)
+    return through.sum(-1) > GRAZED_EDGES

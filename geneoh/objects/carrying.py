@@ -8,16 +8,18 @@ from torch import Tensor
 from geneoh.bundle import spread
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rigid import Rigid
-from geneoh.objects.evidence import OFF, TOUCHING, distance_of_parts, share_between
+from geneoh.objects.evidence import NOT_TOUCHING, TOUCHING, distance_of_parts, share_between
 from geneoh.sequence.gaps import Carrier, filled_keypoints
 from geneoh.sequence.sequence import HandTrack
 
-HELD, FREE = 0.015, 0.03
+HELD_DISTANCE, FREE_DISTANCE = 0.015, 0.03
 """Distance of the nearest keypoint to the surface beside a gap, metres: up to the first bound the
 hand holds the part, from the second on it does not. Keypoints lie 10 mm inside the hand."""
-AROUND = 6  # frames beside a gap in which hand and part are compared
-LOOKED, LOOKED_VERTS = 8, 512  # frames and vertices for the test whether two parts stay together
-RESTS = 0.006  # standard deviation of a part's motion at the hand below which it rests, metres
+COMPARED_FRAMES = 6  # frames beside a gap in which hand and part are compared
+SAMPLED_FRAMES, SAMPLED_VERTS = 8, 512
+"""Frames and vertices for the test whether two parts stay together."""
+REST_DEVIATION = 0.006
+"""Standard deviation of a part's motion at the hand below which it rests, metres."""
 
 
 def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> MovingSurface:
@@ -30,17 +32,17 @@ def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
     if len(surface.fields) == 1:
         return surface
     away = distance_of_parts(joints, surface)
-    held = int(share_between(away, TOUCHING, OFF).mean(0).argmax())
+    held = int(share_between(away, TOUCHING, NOT_TOUCHING).mean(0).argmax())
     if held == 0 or stays_at_the_first(surface, held):
         return surface
     return surface.of_parts(sorted(range(away.shape[1]), key=lambda part: part != held))
 
 
 def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
-    """Whether a part is near the first part in all of `LOOKED` evenly spaced frames."""
-    some = surface.at(spread(len(surface.rotation), LOOKED))
+    """Whether a part is near the first part in all of `SAMPLED_FRAMES` evenly spaced frames."""
+    some = surface.at(spread(len(surface.rotation), SAMPLED_FRAMES))
     verts = surface.fields[part].mesh.verts
-    verts = verts[:: max(1, len(verts) // LOOKED_VERTS)].to(some.rotation)
+    verts = verts[:: max(1, len(verts) // SAMPLED_VERTS)].to(some.rotation)
     places = verts @ some.rotation[:, part].mT + some.translation[:, part, None]
     apart = some.of_parts([0]).query(places).distance.amin(-1)
     return bool((apart < TOUCHING).all())
@@ -65,7 +67,7 @@ def carrier_of(
     part = int(away.mean(0).argmin())
     pose = Rigid(surface.rotation[:, part], surface.translation[:, part])
     share = torch.zeros_like(relied[:, part])
-    held = share_between(away[:, part], HELD, FREE).to(share)
+    held = share_between(away[:, part], HELD_DISTANCE, FREE_DISTANCE).to(share)
     middle = joints.mean(1)
     along = torch.stack([moves_with(pose, middle, seen, int(frame)) for frame in beside])
     share[beside] = held * along * relied[beside, part]
@@ -80,7 +82,7 @@ def moves_with(
     1 if it moves rigidly with the part or the part rests; 0 if it moves over the part by as much as
     the part moves at the hand."""
     around = torch.arange(len(seen), device=seen.device)
-    around = around[seen & ((around - frame).abs() <= AROUND)]
+    around = around[seen & ((around - frame).abs() <= COMPARED_FRAMES)]
     there = Rigid(pose.rotation[around], pose.translation[around])
     own = there.inverse().apply(middle[around, None])[:, 0]
     carried = there.apply(own.mean(0)[None])[:, 0]
@@ -89,7 +91,7 @@ def moves_with(
     if bool(steady.any()):  # subtract the white noise of the hand
         noise = own.diff(n=2, dim=0)[steady].square().sum(-1).mean() / 6
         over = (over - noise).clamp(min=0)
-    return torch.where(moved < RESTS**2, 1.0, 2 * (1 - (over / moved).sqrt())).clamp(0, 1)
+    return torch.where(moved < REST_DEVIATION**2, 1.0, 2 * (1 - (over / moved).sqrt())).clamp(0, 1)
 
 
 def _scatter(path: Float[Tensor, "N 3"]) -> Float[Tensor, ""]:

@@ -38,10 +38,10 @@ rests there, whereas a noisy one shakes always."""
 TURN_CHANGE, PLACE_CHANGE, MOTION_LIMIT = 0.21, 0.06, 5.0
 """Limits of the change between consecutive steps of a part: 12 degrees and 6 cm at 30 frames a
 second, more at lower frame rates, or `MOTION_LIMIT` times its median step."""
-AGREES = 30.0
+STEADY_RATIO = 30.0
 """Largest second difference of a part's position, in standard deviations of its noise, with which
 the position is used in frames where the rotation jumps."""
-LASTING = 4 / 3
+ACCEPTED_SECONDS = 4 / 3
 """Duration in seconds after which a pose beyond a jump is accepted: twice that for a hand
 (`geneoh.sequence.shots`), because cleaning against a flipped object is worse than without any."""
 LEAST_STRETCH = 6  # least number of kept frames in a stretch between jumps that is smoothed
@@ -120,7 +120,7 @@ def clean_part(
     symmetry = symmetry_of(mesh)
     limit = step_limit(least_steps(poses[0], symmetry), TURN_CHANGE, fps)
     limit = views.limit(limit, RigidMotion.turn_changes)
-    chain = longest_chain(rotations, limit, symmetry, fps, LASTING)
+    chain = longest_chain(rotations, limit, symmetry, fps, ACCEPTED_SECONDS)
     chain = replace(chain, kept=chain.kept & seen)
     # symmetry rotations keep the center fixed
     middles = rotations.apply(symmetry.center) + places
@@ -203,7 +203,7 @@ def steady(
 ) -> Bool[np.ndarray, " T"]:
     """Kept frames, and runs of other frames without a jump of the position at their ends."""
     bends = np.linalg.norm(np.diff(places, n=2, axis=0), axis=1)
-    jumps = np.pad(bends > AGREES * noise, 1, mode="edge")
+    jumps = np.pad(bends > STEADY_RATIO * noise, 1, mode="edge")
     found = kept.copy()
     for run in runs(~kept):
         edges = np.array([run.start - 1, run.start, run.stop - 1, run.stop])
@@ -216,7 +216,7 @@ def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
     places = views.world.places
     limit = step_limit(np.diff(places, axis=0), PLACE_CHANGE, fps)
     limit = views.limit(limit, RigidMotion.place_changes)
-    return possible_places(places, limit, fps, LASTING)
+    return possible_places(places, limit, fps, ACCEPTED_SECONDS)
 
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:

@@ -13,7 +13,7 @@ from geneoh.objects.symmetry import Symmetry
 SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
 """Costs of a chain: per skipped frame, for a rotation as large as the limit, and per change of the
 mesh symmetry that is applied. Each kept frame has a value of 1."""
-MOST = 2 / 3  # share of all kept frames from which on a stretch between jumps is trusted
+TRUSTED_SHARE = 2 / 3  # share of all kept frames from which on a stretch between jumps is trusted
 START_SPEED = 4.0  # largest speed at the start of a track, metres per second
 
 
@@ -39,7 +39,7 @@ class Chain:
         """
         found = np.full(len(self.kept), bool(self.jumps))
         for stretch in self.stretches():
-            if self.kept[stretch].sum() >= MOST * self.kept.sum():
+            if self.kept[stretch].sum() >= TRUSTED_SHARE * self.kept.sum():
                 found[stretch] = False
         return found
 

@@ -16,7 +16,8 @@ from scipy.special import expit, logsumexp
 
 DRIFT_SECONDS = 0.5  # correlation time of the drift
 STRETCH_SECONDS = 0.8  # length of the stretches that are tested
-MOVES = 2.0  # standard deviation of the motion model in units of the noise, same correlation time
+MOTION_SIZE = 2.0
+"""Standard deviation of the motion model in units of the noise, same correlation time."""
 LEAST_DRIFT = 0.3  # lower bound of the drift's standard deviation, in units of the noise
 
 
@@ -34,7 +35,7 @@ def size_of_drift(
         return 1.0
     track = np.concatenate(observed, axis=1)
     white, drifting, moving = (
-        log_likelihood(track, size, count, DRIFT_SECONDS * fps) for size in (0.0, 1.0, MOVES)
+        log_likelihood(track, size, count, DRIFT_SECONDS * fps) for size in (0.0, 1.0, MOTION_SIZE)
     )
     rests = sliding_window_view(known, count).all(1) & (drifting > moving)
     if not rests.any():

@@ -29,11 +29,12 @@ FEW, ENOUGH = 0.3, 0.6
 """Share of the seen poses that agree with one another: reliability is 0 up to the first bound, and
 not reduced from the second on."""
 # durations are in frames at 30 frames a second
-BRIDGED = 8.0  # decay of the reliability with the distance to the nearest frame that agrees
-AROUND = 4.0  # standard deviation of the Gaussian that averages accelerations around a frame
-FADE = 3.0  # standard deviation of the filter that smooths reliability over time
-LASTING = 30.0  # standard deviation of the Gaussian that averages the shift of the hand
-DRIFT = 15.0  # correlation time of the noise of poses
+BRIDGED_FRAMES = 8.0  # decay of the reliability with the distance to the nearest frame that agrees
+ACCELERATION_FRAMES = 4.0
+"""Standard deviation of the Gaussian that averages accelerations around a frame."""
+FADE_FRAMES = 3.0  # standard deviation of the filter that smooths reliability over time
+SHIFT_FRAMES = 30.0  # standard deviation of the Gaussian that averages the shift of the hand
+DRIFT_FRAMES = 15.0  # correlation time of the noise of poses
 NEAR, AWAY = 0.05, 0.09
 """Least distance over all frames between keypoints and surface, metres: up to the first bound the
 hand interacts with the object, from the second on it does not. Keypoints lie 10 mm inside the
@@ -42,21 +43,23 @@ BESIDE, APART = 0.1, 0.25
 """Distance in each frame, metres: up to the first bound the hand may approach or leave the object,
 from the second on it moves independently."""
 
-CARRIED = 0.1  # speed of the object's surface above which something moves it, metres per second
-TOUCHING, OFF = 0.02, 0.04
+CARRIED_SPEED = 0.1
+"""Speed of the object's surface above which something moves it, metres per second."""
+TOUCHING, NOT_TOUCHING = 0.02, 0.04
 """Distance of the nearest keypoint to the surface, metres: up to the first bound the hand may touch
 the object, from the second on it does not. Noisy hands that hold are within 2 cm in 95 of 100
 clips, except under camera noise, for which shifts along the camera ray are tried."""
-ALONG = 0.1  # largest error along a camera ray, metres
-SMOOTHED = 3.0  # standard deviation of the filter of keypoints before their distance is measured
-AROUND_TOUCH = 30.0  # frames around each one in which a touch counts
+RAY_ERROR = 0.1  # largest error along a camera ray, metres
+SMOOTHED = 3.0
+"""Standard deviation of the filter of keypoints before their distance is measured."""
+TOUCH_FRAMES = 30.0  # frames around each one in which a touch counts
 CLEAR, UNCLEAR = 0.016, 0.020
 """Standard deviation of SpatialDiff's shift, metres: up to the first bound the hand touches the
 object, from the second on contact does not determine its position."""
 SPUN, WHEEL = 0.75, 1.0
-"""Full turns of the object in the palm within about `AROUND_TOUCH`: up to the first bound fingers
+"""Full turns of the object in the palm within about `TOUCH_FRAMES`: up to the first bound fingers
 may turn it, from the second on it spins like a wheel, over which even a hand at its axle slides."""
-UNPROVEN = 3.0  # prior weight, in frames, of a touch while the object moves
+UNPROVEN_FRAMES = 3.0  # prior weight, in frames, of a touch while the object moves
 
 
 def evidence_of_poses(
@@ -86,8 +89,8 @@ def evidence_of_poses(
         agree = kept.sum() / max((kept | examined.left_out[:, part].cpu().numpy()).sum(), 1)
         share = min(max((agree - FEW) / (ENOUGH - FEW), 0.0), 1.0)
         relied = share / (1 + (size**2 + np.square(missed)) / TOLERATED**2)
-        relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED))
-        relied = gaussian_filter1d(relied, FADE * fps / 30, mode="nearest")
+        relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED_FRAMES))
+        relied = gaussian_filter1d(relied, FADE_FRAMES * fps / 30, mode="nearest")
         found[:, part] = torch.from_numpy(relied).to(found)
     return found if off is None else found / (1 + (off / TOLERATED).square())
 
@@ -115,7 +118,7 @@ def acceleration_around(
     seen = kept.copy()
     seen[[0, -1]] = False
     seen[1:-1] &= kept[:-2] & kept[2:]
-    around = partial(gaussian_filter1d, sigma=AROUND * fps / 30, mode="constant")
+    around = partial(gaussian_filter1d, sigma=ACCELERATION_FRAMES * fps / 30, mode="constant")
     return np.sqrt(around(seen * squares) / around(seen.astype(float)).clip(1e-9))
 
 
@@ -147,7 +150,7 @@ def evidence_of_nearness(
     nearest = distance_of_nearest(joints, surface).cpu()
     deals = share_between(nearest.min(), NEAR, AWAY)
     beside = share_between(nearest, BESIDE, APART).numpy()
-    fade = FADE * fps / 30
+    fade = FADE_FRAMES * fps / 30
     # exactly zero in frames apart, because the object may be metres away a moment later
     least = minimum_filter1d(beside, 2 * round(2 * fade) + 1, mode="nearest")
     smooth = gaussian_filter1d(least, fade, mode="nearest")
@@ -172,24 +175,24 @@ def touching(
     points = torch.from_numpy(filtered).to(joints)
     away = distance_of_nearest(points, surface)
     if ray is not None and float(away.max()) > TOUCHING:
-        shifts = torch.linspace(-ALONG, ALONG, 9).tolist()
+        shifts = torch.linspace(-RAY_ERROR, RAY_ERROR, 9).tolist()
         moved = (points + shift * ray[:, None] for shift in shifts)
         every = torch.stack([away, *(distance_of_nearest(each, surface) for each in moved)])
         away = every[every.mean(1).argmin()]
     nearest, moves = away.cpu().double().numpy(), _moving(surface, fps).cpu().double().numpy()
-    around = partial(gaussian_filter1d, sigma=AROUND_TOUCH * fps / 30, mode="constant")
-    frames = (2 * math.pi) ** 0.5 * AROUND_TOUCH * fps / 30
-    mean = frames * around(moves * nearest) / (frames * around(moves) + UNPROVEN * fps / 30)
-    least = minimum_filter1d(nearest, 2 * round(AROUND_TOUCH * fps / 30) + 1, mode="nearest")
+    around = partial(gaussian_filter1d, sigma=TOUCH_FRAMES * fps / 30, mode="constant")
+    frames = (2 * math.pi) ** 0.5 * TOUCH_FRAMES * fps / 30
+    mean = frames * around(moves * nearest) / (frames * around(moves) + UNPROVEN_FRAMES * fps / 30)
+    least = minimum_filter1d(nearest, 2 * round(TOUCH_FRAMES * fps / 30) + 1, mode="nearest")
     off = torch.from_numpy(np.maximum(mean, least))
-    return share_between(off, TOUCHING, OFF).to(joints)
+    return share_between(off, TOUCHING, NOT_TOUCHING).to(joints)
 
 
 def gripping(
     joints: Float[Tensor, "T 21 3"], surface: MovingSurface, fps: float
 ) -> Float[Tensor, " T"]:
     """1 where some part may be gripped, 0 where every part spins continuously in the palm."""
-    around, wide = partial(gaussian_filter1d, axis=0, mode="constant"), AROUND_TOUCH * fps / 30
+    around, wide = partial(gaussian_filter1d, axis=0, mode="constant"), TOUCH_FRAMES * fps / 30
     frames, palm = (2 * math.pi) ** 0.5 * wide, palm_axes(joints[:, None])
     found = torch.zeros(len(joints))
     for _, pose in surface.parts:
@@ -219,7 +222,7 @@ def _moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
         verts = field.mesh.verts.to(surface.rotation)
         placed = pose.apply(verts[:: max(1, len(verts) // 32)].expand(frames, -1, -1))
         speed = (placed[2 * apart :] - placed[: -2 * apart]).norm(dim=-1).mean(-1)
-        found[apart:-apart] |= speed * fps / (2 * apart) > CARRIED
+        found[apart:-apart] |= speed * fps / (2 * apart) > CARRIED_SPEED
     return found
 
 
@@ -265,11 +268,11 @@ def blended(
     both from 0 to 1.
     """
     shift = (held - alone).mean((0, 2)).cpu().double().numpy()
-    relied, wide = poses.cpu().double().numpy(), LASTING * fps / 30
+    relied, wide = poses.cpu().double().numpy(), SHIFT_FRAMES * fps / 30
     around = partial(gaussian_filter1d, sigma=wide, axis=0, mode="constant")
     mean = around(relied[:, None] * shift) / around(relied).clip(1e-9)[:, None]
     # reliability e means noise of variance (1 / e - 1) TOLERATED^2, see `evidence_of_poses`
-    frames = (2 * math.pi) ** 0.5 * wide / (DRIFT * fps / 30)
+    frames = (2 * math.pi) ** 0.5 * wide / (DRIFT_FRAMES * fps / 30)
     precision = frames * around(relied / (1 - relied).clip(1e-3))
     signal = (mean**2).sum(1) * precision / TOLERATED**2
     more = (signal / (1 + signal) - relied).clip(0)

@@ -18,13 +18,14 @@ from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-REACH = 0.05  # largest distance of a hand's keypoints to the bounding box of a held part, metres
-LAG = 8
+HOLDING_REACH = 0.05
+"""Largest distance of a hand's keypoints to the bounding box of a held part, metres."""
+REST_LAG = 8
 """Frames between two poses in the test for rest: in this time drift moves the object by about as
 much as the noise, and motion by more."""
-MOVES = 4.0
-"""Mean squared displacement over `LAG`, in units of that by drift, from which on it is motion."""
-RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
+MOTION_RATIO = 4.0
+"""Mean squared displacement over `REST_LAG`, in units of that by drift, from which it is motion."""
+WORLD_STEPS, HAND_STEPS = (0.006, 0.00005), (0.006, 0.0004)
 """Scale of the step per frame, metres, of rest in the world and in a hand, each in the first and in
 the last round of reweighting. It shrinks from round to round, so that steps of motion lose their
 weight before they distort the others."""
@@ -35,7 +36,7 @@ WELL_HELD = 0.01  # largest standard deviation of a grip that initialises unseen
 GRIP_FRAMES = 6.0  # correlation time of motion in a grip, frames
 GRIP_OUTLIER = 4.0  # squared standard deviations from which on an object is not in its grip
 SHORTEST_GRIP = 10  # least number of known frames near a hand for an estimate of the grip
-ROUNDS = 8  # rounds of reweighting
+REWEIGHTINGS = 8  # rounds of reweighting
 
 Track = Float64[np.ndarray, "T 3"]
 
@@ -58,13 +59,13 @@ class Frame:
     rotation: Float64[np.ndarray, "T 3 3"]
     origin: Track
     near: Bool[np.ndarray, " N"]  # whether the object may rest in it between neighbouring frames
-    scale: tuple[float, float] = HELD
+    scale: tuple[float, float] = HAND_STEPS
 
     @classmethod
     def of_world(cls, frames: int) -> "Frame":
         """The world frame, in which an object may rest at any time."""
         upright, origin = np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3))
-        return cls(upright, origin, np.ones(frames - 1, dtype=bool), RESTS)
+        return cls(upright, origin, np.ones(frames - 1, dtype=bool), WORLD_STEPS)
 
     def step(
         self, start: Int[np.ndarray, " N"], lag: int = 1
@@ -116,7 +117,7 @@ def frame_of(
     return Frame(
         axis_angle_to_matrix(hand.pose[:, 0]).double().cpu().numpy(),
         hand.joints[:, list(KNUCKLES)].mean(1).double().cpu().numpy(),
-        bridged(away.double().cpu().numpy(), known)[1:] < REACH,
+        bridged(away.double().cpu().numpy(), known)[1:] < HOLDING_REACH,
     )
 
 
@@ -145,7 +146,7 @@ def usual_grip(
     sound = turns[known]  # pyright: ignore[reportArgumentType]  # arrays lack in scipy's stubs
     turn, place = sound.mean(), np.median(places[known], axis=0)
     usual, apart = np.square(noise), np.zeros(len(places))
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         off = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
         squares = np.square(off).mean(2)
         usual = np.maximum(np.median(squares[:, known], axis=1) / CHI3_SHARE, np.square(noise))
@@ -162,14 +163,14 @@ def could_rest(frame: Frame, smooth: PartTrack) -> Bool[np.ndarray, " N"]:
     """Whether drift alone explains the motion in a frame of reference, around each step."""
     steps = np.arange(len(smooth.places) - 1)
     least = np.full(len(steps), np.inf)
-    for back in (0, LAG // 2, LAG - 1):
-        start = (steps - back).clip(0, len(steps) - LAG)
-        found = frame.left(smooth.turns, smooth.places, start, LAG)
+    for back in (0, REST_LAG // 2, REST_LAG - 1):
+        start = (steps - back).clip(0, len(steps) - REST_LAG)
+        found = frame.left(smooth.turns, smooth.places, start, REST_LAG)
         drift = np.hypot(smooth.drift, (EXACT_ROTATION, EXACT_TRANSLATION))
         units = [np.square(x).sum(1) / 3 / d**2 for x, d in zip(found, drift, strict=True)]
-        both = smooth.known[start] & smooth.known[start + LAG]
+        both = smooth.known[start] & smooth.known[start + REST_LAG]
         least = np.where(both, np.minimum(least, sum(units)), least)
-    return bridged(least, least < np.inf) < MOVES
+    return bridged(least, least < np.inf) < MOTION_RATIO
 
 
 def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:

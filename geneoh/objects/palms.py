@@ -20,8 +20,9 @@ from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack
 
-SHARED = 0.5  # a palm shares a change of motion if at most this share of it remains in its frame
-SLACK = 1.01  # ratio of a limit to the largest change that a palm shares
+SHARED_REST = 0.5
+"""A palm shares a change of motion if at most this share of it remains in its frame."""
+LIMIT_SLACK = 1.01  # ratio of a limit to the largest change that a palm shares
 
 
 @dataclass(frozen=True)
@@ -103,10 +104,10 @@ class Views:
         """Limit of the change between consecutive steps, radians or metres: `usual`, or more if a
         palm shares larger changes."""
         world, found = changes(self.world), usual
-        if SLACK * world.max(initial=0) <= usual:
+        if LIMIT_SLACK * world.max(initial=0) <= usual:
             return usual
         for view in self.palms:
-            shared = changes(view) < np.maximum(usual, SHARED * world)
+            shared = changes(view) < np.maximum(usual, SHARED_REST * world)
             shared &= sliding_window_view(view.seen, 3).all(1)
-            found = max(found, float(SLACK * world[shared].max(initial=0)))
+            found = max(found, float(LIMIT_SLACK * world[shared].max(initial=0)))
         return found

@@ -23,9 +23,9 @@ from geneoh.objects.cleaning import steadiest, symmetry_of
 from geneoh.objects.drift import DRIFT_SECONDS, size_of_drift
 from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
 from geneoh.objects.holding import (
-    LAG,
     RADIANS_PER_METRE,
-    ROUNDS,
+    REST_LAG,
+    REWEIGHTINGS,
     Frame,
     Grip,
     PartTrack,
@@ -40,7 +40,8 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack
 FREE_DRIFT = 0.3
 """Standard deviation of the drift where the object neither rests nor is held, in units of the
 noise: drift and motion cannot be distinguished there."""
-LARGEST = 3.0  # largest distance of a pose from the smooth track, standard deviations of the noise
+LARGEST_CHANGE = 3.0
+"""Largest distance of a pose from the smooth track, standard deviations of the noise."""
 
 
 def refine_object(
@@ -52,7 +53,7 @@ def refine_object(
     `smooth` is the cleaned track (`geneoh.objects.cleaning`) and `examined` the examination of the
     input track; the hands are clean, with joints and pose.
     """
-    if len(smooth.rotation) <= LAG + 1:
+    if len(smooth.rotation) <= REST_LAG + 1:
         return smooth
     rotation, translation = smooth.rotation.clone(), smooth.translation.clone()
     unsure = examined.is_noisy | (examined.confidence == 0)
@@ -136,7 +137,7 @@ def _resting(
     ]
     loose = ~np.any([frame.near for frame in frames], axis=0) / FREE_DRIFT**2
     loose = np.append(loose, loose[-1])
-    for share in np.linspace(0, 1, ROUNDS):
+    for share in np.linspace(0, 1, REWEIGHTINGS):
         left = [frame.left(turns, places, start) for frame in frames]
         motion = [frame.step(start) for frame in frames]
         scales = [frame.scale[0] * (frame.scale[1] / frame.scale[0]) ** share for frame in frames]
@@ -232,7 +233,7 @@ def path(turns: Rotation) -> Track:
 
 
 def bounded(step: Track, noise: float, seen: Bool[np.ndarray, " T"]) -> Track:
-    """The change `step`, limited in seen frames to `LARGEST` standard deviations of the noise."""
+    """The change `step`, in seen frames limited to `LARGEST_CHANGE` deviations of the noise."""
     length = np.linalg.norm(step, axis=1)
-    share = np.minimum(1, LARGEST * 3**0.5 * noise / length.clip(1e-12))
+    share = np.minimum(1, LARGEST_CHANGE * 3**0.5 * noise / length.clip(1e-12))
     return np.where(seen, share, 1)[:, None] * step

@@ -20,33 +20,33 @@ from torch import Tensor
 from geneoh.objects.palms import RigidMotion
 from geneoh.sequence.sequence import ObjectTrack
 
-LEVER = 0.05
+PALM_LEVER = 0.05
 """Distance from the centre of the palm to the points that represent its rotation, metres."""
-REACH = 0.12
+PALM_REACH = 0.12
 """Largest distance of the palm's centre from the bounding box of a held part, metres."""
-LASTING, JITTER = 0.4, 1 / 30
+SLOW_SECONDS, JITTER_SECONDS = 0.4, 1 / 30
 """Standard deviations of the Gaussians of a band-pass filter, seconds: the first removes slow
 motion, which does not depend on the filter, and the second white noise."""
-BESIDE_GAPS = 0.1
+GAP_SECONDS = 0.1
 """Seconds beside a gap of the hand that are not used, because interpolation is smooth."""
-BLOCK, LEAST_BLOCKS, USED = 0.5, 3, 0.5
+BLOCK_SECONDS, LEAST_BLOCKS, LEAST_USABLE = 0.5, 3, 0.5
 """Jackknife: length of the blocks that are left out in turn, seconds; least number of blocks; and
 least share of usable frames in a block."""
-LEAST_VARIANCE, SURE, EXPLAINED = 0.0044, 2.5, 0.05
+LEAST_VARIANCE, LEAST_ERRORS, LEAST_EXPLAINED = 0.0044, 2.5, 0.05
 """Conditions for a filter: least variance in seconds², that of a Gaussian of two frames at 30 a
 second; least number of standard errors from zero; and least share that it explains of the palm's
 motion over the object."""
-EARLY = 0.3
+LARGEST_ADVANCE = 0.3
 """Largest apparent advance (negative delay) of a filter, in standard deviations of its kernel: real
 filters have none."""
-LEAST_LAG, LAGS = 0.025, (4.0, 0.05)
+LEAST_LAG, LAG_CONDITIONS = 0.025, (4.0, 0.05)
 """Conditions for the delay of a causal filter on the hand: least delay, seconds; and least number
 of standard errors with the least share that it explains."""
-LEAST_DELAY, LATE = 0.045, (5.0, 0.15)
+LEAST_DELAY, DELAY_CONDITIONS = 0.045, (5.0, 0.15)
 """The same conditions for a delay without a filter. With a shorter delay, the object is still of
 more use for the hand than harm."""
-TOLD_DELAY = 0.02  # least delay of a filter that is reported, seconds
-LAG = 0.5
+REPORTED_DELAY = 0.02  # least delay of a filter that is reported, seconds
+LEAST_BREADTH = 0.5
 """Least variance of a causal filter in units of its squared delay; the usual exponential smoothing
 has more than one."""
 
@@ -68,7 +68,7 @@ class LowPass:
         return torch.from_numpy(sharp).to(values)
 
     def __str__(self) -> str:
-        late = f" and {1000 * self.delay:.0f} ms late" if self.delay > TOLD_DELAY else ""
+        late = f" and {1000 * self.delay:.0f} ms late" if self.delay > REPORTED_DELAY else ""
         return f"as by a filter with a deviation of {1000 * self.variance**0.5:.0f} ms{late}"
 
     def __add__(self, other: "LowPass") -> "LowPass":
@@ -91,9 +91,9 @@ class Found:
     @property
     def is_wide(self) -> bool:
         """Whether the kernel's variance is significant."""
-        least = max(LEAST_VARIANCE, SURE * self.variance_error)
-        wide = self.filter.variance > least and self.explained > EXPLAINED
-        return wide and self.filter.delay > -EARLY * math.sqrt(self.filter.variance)
+        least = max(LEAST_VARIANCE, LEAST_ERRORS * self.variance_error)
+        wide = self.filter.variance > least and self.explained > LEAST_EXPLAINED
+        return wide and self.filter.delay > -LARGEST_ADVANCE * math.sqrt(self.filter.variance)
 
     def is_late(self, least: float, errors: float, explained: float) -> bool:
         """Whether the delay, late or early, is at least `least` seconds and `errors` standard
@@ -120,8 +120,9 @@ class Comparison:
     def filter_of_part(self) -> LowPass | None:
         """The filter that was applied to the part; None if not significant."""
         one, other = self.of_part, self.of_palm
-        late = one.is_late(LEAST_LAG, *LATE) and one.filter.delay > 0 > other.filter.delay
-        lags = late and one.breadth > LAG and other.breadth < -LAG
+        late = one.filter.delay > 0 > other.filter.delay
+        late = late and one.is_late(LEAST_LAG, *DELAY_CONDITIONS)
+        lags = late and one.breadth > LEAST_BREADTH and other.breadth < -LEAST_BREADTH
         return one.filter if one.is_wide or lags else None
 
     @property
@@ -132,10 +133,11 @@ class Comparison:
         derivatives. Then the estimate from the part's derivatives is used, which is too small.
         """
         one, other = self.of_palm, self.of_part
-        late = other.is_late(LEAST_LAG, *LAGS) and one.filter.delay > 0 > other.filter.delay
-        if not one.is_wide and not (late and other.breadth < -LAG):
+        late = one.filter.delay > 0 > other.filter.delay
+        late = late and other.is_late(LEAST_LAG, *LAG_CONDITIONS)
+        if not one.is_wide and not (late and other.breadth < -LEAST_BREADTH):
             return None
-        if one.is_wide or one.breadth > LAG:
+        if one.is_wide or one.breadth > LEAST_BREADTH:
             return one.filter
         return LowPass(-other.filter.delay, -other.filter.variance)
 
@@ -144,13 +146,14 @@ class Comparison:
         """A pure delay of the part relative to the palm, negative if the part is early; either of
         the tracks may be wrong. None if not significant."""
         filtered = self.filter_of_part is not None or self.filter_of_palm is not None
-        late = self.of_part.is_late(LEAST_DELAY, *LATE) and abs(self.of_part.breadth) < LAG
+        late = self.of_part.is_late(LEAST_DELAY, *DELAY_CONDITIONS)
+        late = late and abs(self.of_part.breadth) < LEAST_BREADTH
         return self.of_part.filter if late and not filtered else None
 
 
 def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:
     """Compare a part with a palm; None if there is too little motion of either."""
-    if len(motion.rotation) < LEAST_BLOCKS * round(BLOCK * fps):
+    if len(motion.rotation) < LEAST_BLOCKS * round(BLOCK_SECONDS * fps):
         return None
     blocks = products(motion, part, palm, fps)
     of_part = solved(blocks[:, :3, :3], fps)
@@ -168,24 +171,24 @@ def products(
     the palm's motion."""
     turns = motion.rotation[:, part].double().cpu().numpy()
     places = motion.translation[:, part].double().cpu().numpy()[:, None]
-    tips = np.concatenate([np.zeros((1, 3)), LEVER * np.eye(3)])
+    tips = np.concatenate([np.zeros((1, 3)), PALM_LEVER * np.eye(3)])
     points = np.einsum("tij,pj->tpi", palm.turns.as_matrix(), tips) + palm.places[:, None]
     seen = (points - places) @ turns  # from the part
     verts = motion.meshes[part].verts.cpu().numpy()
     inside = seen[:, 0].clip(verts.min(0), verts.max(0))
-    near = np.linalg.norm(seen[:, 0] - inside, axis=1) < REACH
-    near &= binary_erosion(palm.seen, iterations=max(1, round(BESIDE_GAPS * fps)), border_value=1)
+    near = np.linalg.norm(seen[:, 0] - inside, axis=1) < PALM_REACH
+    near &= binary_erosion(palm.seen, iterations=max(1, round(GAP_SECONDS * fps)), border_value=1)
     if not near.any():
         return np.zeros((0, 5, 5))
     carried = seen[near].mean(0) @ turns.swapaxes(1, 2) + places
     rates = [r @ turns for moved in (carried, points) for r in (rate(moved), rate(rate(moved)))]
-    smooth, slow = JITTER * fps, LASTING * fps
+    smooth, slow = JITTER_SECONDS * fps, SLOW_SECONDS * fps
     lively = [gaussian_filter1d(e, smooth, axis=0, mode="nearest") for e in (seen, *rates)]
     lively = [e - gaussian_filter1d(e, slow, axis=0, mode="nearest") for e in lively]
     rows = np.stack(lively, axis=-1) * near[:, None, None, None]
-    length = max(2, round(BLOCK * fps))
+    length = max(2, round(BLOCK_SECONDS * fps))
     blocks = [slice(start, start + length) for start in range(0, len(rows), length)]
-    used = [rows[block].reshape(-1, 5) for block in blocks if near[block].mean() >= USED]
+    used = [rows[block].reshape(-1, 5) for block in blocks if near[block].mean() >= LEAST_USABLE]
     return np.array([block.T @ block for block in used]).reshape(-1, 5, 5)
 
 

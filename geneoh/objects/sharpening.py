@@ -23,11 +23,11 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.resample import hand_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-ROUNDS = 3
+FILTER_ROUNDS = 3
 """Iterations: the remaining filter is estimated again in the sharpened track."""
-LONG = 0.1
+LONG_DELAY = 0.1
 """Delay in seconds above which `geneoh.objects.relative_filter` may mistake it for a filter."""
-LEFT, AROUND = 0.4, 0.1
+REMAINING_SHARE, AVERAGE_SECONDS = 0.4, 0.1
 """Remaining error of the sharpened track as a share of the correction, 0.3 to 0.5 for Gaussian
 filters of three and six frames at 30 a second and less for causal filters; and standard deviation
 in seconds of the Gaussian over which it is averaged."""
@@ -64,7 +64,7 @@ def sharpened(
     notes, sharp, moved = list[str](), list[HandTrack](), list[RigidMotion]()
     late = list[tuple[RigidMotion, LowPass]]()
     for hand, palm, delay in zip(hands, palms, delays, strict=True):
-        if abs(delay) > LONG * fps and only_late(hand, delay, motion, parts, fps):
+        if abs(delay) > LONG_DELAY * fps and only_late(hand, delay, motion, parts, fps):
             sharp.append(hand)
             late.append((palm, LowPass(-delay / fps, 0.0)))
             continue
@@ -95,7 +95,7 @@ def sharpened_hand(
 ) -> tuple[HandTrack, RigidMotion, LowPass | None]:
     """A hand and its palm with their filter undone, and this filter; None if there is none."""
     whole = None
-    for _ in range(ROUNDS):
+    for _ in range(FILTER_ROUNDS):
         every = filter(None, (compared(motion, part, palm, fps) for part in parts))
         best = max(every, key=lambda c: c.of_palm.explained, default=None)
         if best is None or (found := best.filter_of_palm) is None:
@@ -126,12 +126,12 @@ def sharpened_part(
     if late is not None:
         other = without_filter_of_part(motion, part, late, fps)
         return motion, moved_by(motion, other, part, fps), [out_of_time(name, late, fps)]
-    for _ in range(ROUNDS):
+    for _ in range(FILTER_ROUNDS):
         if seen is None or (found := seen.filter_of_part) is None:
             break
         motion, whole = without_filter_of_part(motion, part, found, fps), whole + found
         seen = best(motion)
-    left = LEFT * moved_by(given, motion, part, fps)
+    left = REMAINING_SHARE * moved_by(given, motion, part, fps)
     return motion, left, [] if motion is given else [of_part(name, whole)]
 
 
@@ -161,7 +161,7 @@ def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Flo
     metres."""
     apart = placed_vertices(other, part) - placed_vertices(one, part)
     squares = apart.square().sum(-1).mean(1).cpu().numpy()
-    around = gaussian_filter1d(squares, AROUND * fps, mode="nearest")
+    around = gaussian_filter1d(squares, AVERAGE_SECONDS * fps, mode="nearest")
     return torch.from_numpy(np.sqrt(around)).to(one.rotation)
 
 

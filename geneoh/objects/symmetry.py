@@ -12,7 +12,7 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
 
-SAMPLES = 256  # surface points that are rotated and compared with the surface
+COMPARED_POINTS = 256  # surface points that are rotated and compared with the surface
 TOLERANCE = 0.03
 """Largest mean distance of rotated points to the surface of a symmetric object, as a share of their
 mean distance to the axis."""
@@ -20,7 +20,7 @@ ORDERS = (2, 3, 4, 5, 6)  # tested orders of finite rotational symmetry
 REVOLUTION_TURNS = (0.37, 1.0, 1.9, 2.6)
 """Angles in radians that test a solid of revolution; no simple fractions of a full turn."""
 SAME_AXIS = 0.9  # cosine between two axes of symmetry above which they count as the same
-STEPS = 72  # discretisation of rotations about an axis of revolution, steps per full turn
+TURN_STEPS = 72  # discretisation of rotations about an axis of revolution, steps per full turn
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Symmetry:
     """Fixed point of all rotations in the mesh's frame, metres; without a symmetry, the centre of
     the bounding box."""
     rotations: Float64[np.ndarray, "S 3 3"]
-    """Symmetry rotations, the identity first; `STEPS` about an axis of revolution."""
+    """Symmetry rotations, the identity first; `TURN_STEPS` about an axis of revolution."""
     is_ball: bool = False  # every rotation is a symmetry; `rotations` has the identity alone
 
     def nearest(
@@ -50,7 +50,8 @@ class Symmetry:
 def find_symmetry(surface: SurfaceDistance) -> Symmetry:
     """The rotational symmetry of one mesh; deterministic."""
     generator = torch.Generator().manual_seed(0)
-    points = sample_surface(surface.solid, SAMPLES, generator=generator).points.double().numpy()
+    samples = sample_surface(surface.solid, COMPARED_POINTS, generator=generator)
+    points = samples.points.double().numpy()
     center, axes = area_moments(surface.solid.surface)
     around = points - center
 
@@ -71,7 +72,7 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
         for axis in _distinct(axes, [misfit(axis, angles[0]) for axis in axes]):
             if not any(abs(axis @ other) > SAME_AXIS for other in revolution):
                 finite += [Rotation.from_rotvec(angle * axis) for angle in angles]
-    steps = 2 * np.pi * np.arange(STEPS) / STEPS if revolution else np.zeros(1)
+    steps = 2 * np.pi * np.arange(TURN_STEPS) / TURN_STEPS if revolution else np.zeros(1)
     axis = revolution[0] if revolution else np.zeros(3)
     # half turns across an axis of revolution follow from one of them
     group = finite[:2] if revolution else finite

@@ -74,7 +74,7 @@ class ReaderOptions:
         return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
 
 
-MOVES = 0.03
+MOVED_DISTANCE = 0.03
 """Distance in metres from its median position beyond which an object counts as moved."""
 
 OF_SOME = (*OF_SOURCES, "object_pose", "joint_order", "keypoint_unit")
@@ -246,7 +246,7 @@ def finite_frames(values: Array) -> Array:
 
 
 def moving_objects(motions: Mapping[str, Array]) -> list[str]:
-    """Names of the objects that move by more than `MOVES`, from their (T, 4, 4) poses in metres.
+    """Names of the objects that move by more than `MOVED_DISTANCE`, from (T, 4, 4) poses in metres.
 
     Most objects on a table are never handled. If none moves, all that have poses are returned.
     """
@@ -255,7 +255,7 @@ def moving_objects(motions: Mapping[str, Array]) -> list[str]:
 
     def leaves(places: Array) -> bool:
         off = np.linalg.norm(places - np.median(places, axis=0), axis=1)
-        return bool(off.max() > MOVES)
+        return bool(off.max() > MOVED_DISTANCE)
 
     return [name for name, places in known.items() if leaves(places)] or list(known)
 

@@ -36,7 +36,7 @@ SLOWEST, FASTEST = 5.0, 240.0
 """Range of frame rates, from which the unit of timestamps without a unit in their name follows."""
 EVEN = 0.1
 """Deviation in frames up to which frames are evenly spaced: cameras round, and milliseconds do."""
-NEAR = 1.5
+GAP_FRAMES = 1.5
 """Largest gap in frames between two frames across which values are interpolated."""
 USUAL_STEPS = 0.6, 1.8
 """Bounds on the median step of uneven frames, in frames of the stated rate."""
@@ -78,7 +78,7 @@ class Clock:
         before = at[np.searchsorted(at, grid, "right") - 1]
         after = at[np.searchsorted(at, grid).clip(max=len(at) - 1)]
         nearest = np.minimum(grid - before, np.abs(after - grid))
-        return (nearest <= 0.5) | (after - before <= NEAR)
+        return (nearest <= 0.5) | (after - before <= GAP_FRAMES)
 
     @property
     def grid(self) -> Array:
@@ -280,4 +280,4 @@ def usual_step(values: Array) -> tuple[float, bool]:
     off, step = min(found)
     if off < EVEN:
         return step, True
-    return float(steps[steps <= NEAR * np.median(steps)].mean()), False
+    return float(steps[steps <= GAP_FRAMES * np.median(steps)].mean()), False

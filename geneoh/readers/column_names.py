@@ -22,7 +22,7 @@ SIDE_WORDS |= {"right": "right", "r": "right", "rh": "right"}
 FILLERS = {"xr", "hand", "joint", "ext", "finger", "phalanx", "landmark", "keypoint", "point"}
 FILLERS |= {"bone", "root", "id", "field", "poses", "points", "joints", "landmarks", "keypoints"}
 """Words in names that do not identify the point."""
-FINGERS = {"thumb": 0, "index": 1, "middle": 2, "ring": 3, "little": 4, "pinky": 4}
+FINGER_NUMBERS = {"thumb": 0, "index": 1, "middle": 2, "ring": 3, "little": 4, "pinky": 4}
 SEGMENTS = ("metacarpal", "proximal", "intermediate", "distal", "tip")
 """OpenXR's points of a finger. The thumb has no intermediate one; OpenPose has no metacarpal but
 the thumb's."""
@@ -110,9 +110,9 @@ def point_in(words: Iterable[str]) -> int | str | None:
     text = "".join(words)
     if text == "wrist" or text in LEFT_OUT:
         return 0 if text == "wrist" else ""
-    if not words or words[0] not in FINGERS:
+    if not words or words[0] not in FINGER_NUMBERS:
         return None
-    finger, segment = FINGERS[words[0]], "".join(words[1:])
+    finger, segment = FINGER_NUMBERS[words[0]], "".join(words[1:])
     segment = (OTHER_SEGMENTS if finger else OTHER_OF_THUMB).get(segment, segment)
     segments = SEGMENTS[1:] if finger else (*SEGMENTS[:2], *SEGMENTS[3:])
     if segment in segments:

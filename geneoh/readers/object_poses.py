@@ -10,7 +10,7 @@ from geneoh.choices import Unit
 from geneoh.errors import InputError, numbered
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
-from geneoh.readers.clock import EVEN, NEAR, TIME_NAMES, Clock, is_column
+from geneoh.readers.clock import EVEN, GAP_FRAMES, TIME_NAMES, Clock, is_column
 from geneoh.readers.foreign_files import by_frame, number_in, numbered_files, read_numbers
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record
 from geneoh.readers.trajectories import in_seconds, is_text, read_trajectory, with_bottom_row
@@ -116,7 +116,7 @@ def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
     before = (np.searchsorted(times, seconds, "right") - 1).clip(min=0)
     off = np.minimum(np.abs(times[after] - seconds), np.abs(times[before] - seconds))
     between = (times[before] <= seconds) & (seconds <= times[after])
-    seen = (off <= EVEN * usual) | (between & (times[after] - times[before] <= NEAR * usual))
+    seen = (off <= EVEN * usual) | (between & (times[after] - times[before] <= GAP_FRAMES * usual))
     at = seconds[seen].clip(times[0], times[-1])
     turns = Rotation.from_matrix(poses[:, :3, :3])
     result[seen, :3, :3] = (Slerp(times, turns)(at) if len(times) > 1 else turns).as_matrix()

@@ -40,10 +40,10 @@ TO_NAME = (
 )
 """Remedy for a table whose columns are unknown."""
 
-LENGTH = 0.05
+NORM_TOLERANCE = 0.05
 """Largest difference of a quaternion's norm from 1, as rounded numbers may have."""
 
-FAST = 2000.0
+HIGHEST_RATE = 2000.0
 """Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
 
 
@@ -221,7 +221,7 @@ def named_poses(table: Table) -> Array:
     if turn and place:
         rows = table.rows[:, [table.names.index(name) for name in (*turn, *place)]]
         length = np.linalg.norm(rows[:, :4], axis=1)
-        if (wrong := (length > 0) & (np.abs(length - 1) > LENGTH)).any():
+        if (wrong := (length > 0) & (np.abs(length - 1) > NORM_TOLERANCE)).any():
             first = int(np.flatnonzero(wrong)[0])
             raise table.refuse(
                 "quaternions of length 1", f"one of length {length[first]:.3g} in row {first}"
@@ -269,7 +269,7 @@ def in_seconds(path: Path, name: str, values: Array) -> Array:
     refuse_fall(path, name, values)
     unit = TIME_NAMES[name]
     if unit is None and len(values) > 1:
-        unit = unit_by_steps(np.diff(values), FAST / 1000, FAST)
+        unit = unit_by_steps(np.diff(values), HIGHEST_RATE / 1000, HIGHEST_RATE)
     return values * (unit or 1.0)
 
 

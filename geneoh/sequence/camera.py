@@ -16,7 +16,7 @@ from geneoh.sequence.validation import FARTHEST_SCENE
 
 LOG = logging.getLogger(__name__)
 
-NEAREST = 1e-6
+SHORTEST_RAY = 1e-6
 """Length in metres below which a vector has no direction."""
 
 
@@ -69,7 +69,7 @@ def unit_rays(rays: Float[Tensor, "N 3"], frames: int, name: str) -> Float[Tenso
     rays = of_each_frame(rays, frames, name)
     for wrong, what in (
         (~rays.isfinite().all(-1), "must be finite in every frame, got NaN or infinity"),
-        (rays.norm(dim=-1) < NEAREST, "must give a direction in every frame, got length 0"),
+        (rays.norm(dim=-1) < SHORTEST_RAY, "must give a direction in every frame, got length 0"),
     ):
         if bool(wrong.any()):
             first = int(torch.nonzero(wrong)[0])

@@ -15,9 +15,9 @@ FARTHEST_HAND = 0.5
 """Largest distance in metres between the object's bounding ball and the wrist in the frame in which
 they are nearest."""
 
-ALIKE = 0.02
+EQUALLY_NEAR = 0.02
 """Metres within which two interpretations are equally good, and a message names both."""
-SCALES = (1000.0, 100.0, 0.01, 0.001)
+UNIT_SCALES = (1000.0, 100.0, 0.01, 0.001)
 """Factors that are tried on translations, for a unit of millimetres or centimetres."""
 TOO_FAR = 10.0
 """Distance in metres from which on the object's translations may be in a smaller unit."""
@@ -33,7 +33,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
         readings = other_readings(hand, motion, nearest)
         tried = [(gap, words) for gap, words in readings if gap < FARTHEST_HAND]
         best = min(gap for gap, _ in tried) if tried else 0.0
-        remedy = "; or ".join(words for gap, words in tried if gap < best + ALIKE) or (
+        remedy = "; or ".join(words for gap, words in tried if gap < best + EQUALLY_NEAR) or (
             "check that both are in metres and in the same frame, and that the object's poses are "
             "given (--object-pose)"
         )
@@ -59,7 +59,7 @@ def other_readings(
         "with y and z negated it comes near: hand and object seem to be in the axes of "
         "OpenCV and OpenGL; negate y and z of the hand",
     )
-    for scale in SCALES:
+    for scale in UNIT_SCALES:
         if scale < 1 and nearest < TOO_FAR:
             continue
         scaled = replace(motion, translation=scale * motion.translation)

@@ -17,7 +17,7 @@ from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-LEAP = 0.2
+LARGEST_FIRST_STEP = 0.2
 """Step in metres between two frames that is too long for an object that starts from rest."""
 
 
@@ -197,7 +197,7 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
         middle = torch.stack([mesh.verts.mean(0) for mesh in motion.meshes]).to(middle)
     places = (motion.rotation @ middle[..., None])[..., 0] + motion.translation
     steps = places.diff(dim=0).norm(dim=-1)
-    leaps = steps.isfinite() & (steps > LEAP)
+    leaps = steps.isfinite() & (steps > LARGEST_FIRST_STEP)
     found = torch.zeros_like(still)
     for part in torch.nonzero(~still.all(0))[:, 0].tolist():
         for run in runs(still[:, part].cpu().numpy()):

@@ -16,12 +16,12 @@ from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
-LEAP, LEVER = 0.002, 0.07
+LEAST_LEAP, METRES_PER_ROTATION = 0.002, 0.07
 """Least step of a moving object in metres, and the metres that a unit change of its rotation matrix
 counts for: the matrix changes by √2 per radian, so a radian counts like 10 cm."""
-FEWEST, FEWEST_BRIEF, BRIEF, LONGER = 5, 3, 4, 2
+FEWEST_STOPS, FEWEST_BRIEF_STOPS, BRIEF_FRAMES, REST_RATIO = 5, 3, 4, 2
 """Least number of stops that are not by chance, in general and where the median stop lasts at most
-`BRIEF` frames; and the largest ratio of a stop to the median: a longer one is a true rest."""
+`BRIEF_FRAMES`; and the largest ratio of a stop to the median: a longer one is a true rest."""
 
 
 def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
@@ -50,15 +50,16 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
     """Mask of the poses that exactly equal the one before, between leaps; empty if that is rare."""
     seen = motion.observed.cpu()
     found = torch.zeros_like(seen)
-    steps = torch.cat([motion.translation, LEVER * motion.rotation.flatten(2)], -1).diff(dim=0)
+    turns = METRES_PER_ROTATION * motion.rotation.flatten(2)
+    steps = torch.cat([motion.translation, turns], -1).diff(dim=0)
     stays = (steps == 0).all(-1).cpu() & seen[1:] & seen[:-1]
     for part in range(found.shape[1]):
         stops = [each for each in runs(stays[:, part].numpy()) if goes_on(steps[:, part], each)]
         lengths = [stop.stop - stop.start for stop in stops]
         usual = float(np.median(lengths)) if lengths else 0.0
-        enough = len(stops) >= (FEWEST_BRIEF if usual <= BRIEF else FEWEST)
+        enough = len(stops) >= (FEWEST_BRIEF_STOPS if usual <= BRIEF_FRAMES else FEWEST_STOPS)
         for stop, length in zip(stops, lengths, strict=True):
-            found[stop.start + 1 : stop.stop + 1, part] = enough and length <= LONGER * usual
+            found[stop.start + 1 : stop.stop + 1, part] = enough and length <= REST_RATIO * usual
     return found.to(motion.rotation.device)
 
 
@@ -70,4 +71,4 @@ def goes_on(steps: Float[Tensor, "N D"], stop: slice) -> bool:
     if stop.start == 0 or stop.stop == len(steps):
         return False
     before, after = steps[stop.start - 1], steps[stop.stop]
-    return bool(min(before.norm(), after.norm()) > LEAP and before @ after > 0)
+    return bool(min(before.norm(), after.norm()) > LEAST_LEAP and before @ after > 0)

@@ -9,10 +9,10 @@ from jaxtyping import Float
 from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack
 
-LEAP, LARGER = 0.15, 3.0
+CUT_LEAP, CUT_RATIO = 0.15, 3.0
 """Least leap of a hand at a cut, metres (larger below 30 frames a second), and its least ratio to
 every step around it."""
-LASTING, AROUND = 2 / 3, 5
+SHOT_SECONDS, COMPARED_STEPS = 2 / 3, 5
 """Seconds for which the hand stays on either side of a cut, and steps compared on either side."""
 
 
@@ -25,8 +25,8 @@ def shots_of(hand: HandTrack, fps: float) -> list[slice]:
     place = keypoints_of(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
     leaps = np.linalg.norm(np.diff(place, axis=0), axis=1)
     steps = leaps / np.diff(seen)
-    likely = np.flatnonzero(steps > LEAP * max(1.0, 30 / fps)).tolist()
-    lasting = math.ceil(LASTING * fps)
+    likely = np.flatnonzero(steps > CUT_LEAP * max(1.0, 30 / fps)).tolist()
+    lasting = math.ceil(SHOT_SECONDS * fps)
     cuts = [int(seen[last + 1]) for last in likely if is_cut(place, steps, last, lasting)]
     return [slice(start, stop) for start, stop in pairwise([0, *cuts, hand.frames])]
 
@@ -40,8 +40,8 @@ def is_cut(
     `lasting` frames it stays more than half of the leap away from the other side.
     """
     before, after = place[: last + 1][-lasting:], place[last + 1 :][:lasting]
-    around = [0.0, *steps[:last][-AROUND:], *steps[last + 1 :][:AROUND]]
-    if min(len(before), len(after)) < lasting or steps[last] < LARGER * max(around):
+    around = [0.0, *steps[:last][-COMPARED_STEPS:], *steps[last + 1 :][:COMPARED_STEPS]]
+    if min(len(before), len(after)) < lasting or steps[last] < CUT_RATIO * max(around):
         return False
     leap = np.linalg.norm(after[0] - before[-1])
     back = [before - after[0], after - before[-1]]

@@ -36,14 +36,14 @@ UNIT_TOLERANCE = 1e-3
 WRIST_APART = 0.1
 """Largest median distance between `wrist` and the first keypoint, metres."""
 
-COLLAPSED = 0.01
+COLLAPSED_EXTENT = 0.01
 """Extent in metres below which the keypoints of a frame are no hand: some trackers write zeros
 where they found none."""
 
-IN_MM = 40
+MILLIMETRE_SPAN = 40
 """Span of a hand above which its unit is millimetres; in centimetres it is about half of this."""
 
-FLAT = 0.02
+FLAT_RATIO = 0.02
 """Ratio of the smallest to the largest extent of keypoints along the axes, below which they lie in
 a plane, as 2D keypoints do; in the example recording it is a fifth and more."""
 
@@ -52,7 +52,7 @@ def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
     """Mask of valid frames in which all keypoints coincide, or all pose parameters are zero."""
     empty = torch.zeros_like(hand.valid)
     if hand.joints is not None:
-        empty = (hand.joints.amax(1) - hand.joints.amin(1)).amax(-1) < COLLAPSED
+        empty = (hand.joints.amax(1) - hand.joints.amin(1)).amax(-1) < COLLAPSED_EXTENT
     if hand.pose is not None and hand.wrist is not None:
         zero = (hand.pose == 0).flatten(1).all(-1) & (hand.wrist.norm(dim=-1) < WRIST_FROM_ORIGIN)
         empty = empty | (zero & bool(hand.pose[hand.valid].any()))
@@ -197,7 +197,7 @@ def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> N
     cure = "numbers of another unit, rescale them"
     if span > LARGEST_HAND:
         cure, unit = "centimetres, divide by 100", "cm"
-        if span > IN_MM:
+        if span > MILLIMETRE_SPAN:
             cure, unit = "millimetres, divide by 1000", "mm"
         cure += f"; files of bare keypoints take --keypoint-unit {unit}"
         if lies_flat(joints[hand.valid]):
@@ -211,7 +211,7 @@ def check_size(hand: HandTrack, joints: Float[Tensor, "T 21 3"], name: str) -> N
 def lies_flat(joints: Float[Tensor, "T 21 3"]) -> bool:
     """Whether keypoints lie in a plane across an axis, as pixel coordinates with a score do."""
     extent = joints.amax(1) - joints.amin(1)
-    return 0 < float((extent.amin(-1) / extent.amax(-1)).nanmedian()) < FLAT
+    return 0 < float((extent.amin(-1) / extent.amax(-1)).nanmedian()) < FLAT_RATIO
 
 
 def check_finite(values: Float[Tensor, "T ..."], what: str, name: str) -> None:

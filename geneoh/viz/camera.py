@@ -24,7 +24,7 @@ from geneoh.viz.scene import DrawnSurface, Scene
 FIELD_OF_VIEW = np.deg2rad(28.0)  # angle over the shorter side of a picture, radians
 TURNS = 12  # directions that are tried around the up axis at each elevation
 ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)  # of tried directions above the horizontal, radians
-BELOW = 0.85  # weight of directions from below, where a table may be in the way
+WEIGHT_BELOW = 0.85  # weight of directions from below, where a table may be in the way
 TRIAL_SIZE = 96  # side in pixels of the trial pictures that score a direction
 JUDGED_FRAMES = 3  # frames that score a direction: those with the deepest penetration
 SMOOTHING = 0.2  # standard deviation in seconds of the Gaussian filter on the camera's path
@@ -139,7 +139,7 @@ def _best_axes(
     def seen(axes: Axes) -> float:
         placed = {frame: Camera(axes, targets[frame], radius) for frame in frames}
         shown = sum(_seen_pixels(hands, placed[at]) for at, hands in drawn.items() if hands)
-        return shown * (BELOW if axes[2] @ up < 0 else 1.0)
+        return shown * (WEIGHT_BELOW if axes[2] @ up < 0 else 1.0)
 
     return max((axes_towards(back, up) for back in _directions(up)), key=seen)
 

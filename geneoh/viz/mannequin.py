@@ -19,9 +19,9 @@ RADII = {
     **{"foot": 0.04, "collar": 0.07, "shoulder": 0.06, "elbow": 0.042, "wrist": 0.032},
 }
 """Radius in metres of the bone that ends in each joint."""
-HEAD, HEAD_ABOVE = (0.075, 0.11, 0.09), (0.0, 0.09, 0.02)
+HEAD_RADII, HEAD_ABOVE = (0.075, 0.11, 0.09), (0.0, 0.09, 0.02)
 """Semi-axes of the head's ellipsoid, and its centre relative to the head joint, metres."""
-ROUND = 10  # points around a bone
+BONE_SIDES = 10  # points around a bone
 
 
 def mannequin(body: BodyRecording) -> ObjectTrack:
@@ -43,7 +43,7 @@ def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:
     """A capsule from a joint at the origin to its child joint at `offset`."""
     radius = RADII[name.split("_")[-1].rstrip("123")]
     length = float(offset.norm())
-    shape = trimesh.creation.capsule(length, radius, count=(ROUND, ROUND))
+    shape = trimesh.creation.capsule(length, radius, count=(BONE_SIDES, BONE_SIDES))
     shape.apply_translation((0, 0, length / 2 - shape.bounds[:, 2].mean()))
     turn = trimesh.geometry.align_vectors((0, 0, 1), (offset / length).numpy())
     assert turn is not None, "two directions of three numbers"
@@ -54,6 +54,6 @@ def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:
 def head() -> Mesh:
     """An ellipsoid above the head joint."""
     shape = trimesh.creation.icosphere(2)
-    shape.apply_scale(HEAD)
+    shape.apply_scale(HEAD_RADII)
     shape.apply_translation(HEAD_ABOVE)
     return from_trimesh(shape)

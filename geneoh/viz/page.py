@@ -28,7 +28,7 @@ from geneoh.viz.posed_track import PosedTrack
 from geneoh.viz.scene import Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
 
-STEPS = 65535  # 16-bit steps over the longest side of the scene
+QUANTISATION = 65535  # 16-bit steps over the longest side of the scene
 MOST_FACES = 20_000  # faces of an object part beyond which a coarser mesh is drawn
 MOST_SAMPLES = 16  # most diffusion samples that a page holds
 
@@ -65,7 +65,7 @@ class _Box:
         """The box of finite points, with sides of at least `smallest` metres."""
         points = points[points.isfinite().all(-1)]
         low = points.amin(0)
-        return _Box(low, max(float((points.amax(0) - low).max()), smallest) / STEPS)
+        return _Box(low, max(float((points.amax(0) - low).max()), smallest) / QUANTISATION)
 
     def origin(self) -> dict[str, Any]:
         """Lower corner and step size, by which the viewer turns steps back into metres."""
@@ -73,7 +73,7 @@ class _Box:
 
     def steps(self, points: Float[Tensor, "*B 3"]) -> Integer[np.ndarray, "*B 3"]:
         """Points as steps from the low corner; points that are not finite are put there."""
-        at = ((points - self.low) / self.step).round().nan_to_num(0, 0, 0).clamp(0, STEPS)
+        at = ((points - self.low) / self.step).round().nan_to_num(0, 0, 0).clamp(0, QUANTISATION)
         return at.numpy().astype(np.uint16)
 
 

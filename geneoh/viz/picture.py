@@ -15,7 +15,7 @@ from geneoh.viz.surface import vertex_normals
 
 Picture = UInt8[np.ndarray, "H W 3"]
 
-SMOOTH = 2  # supersampling: drawn pixels per side of a pixel, against jagged edges
+SUPERSAMPLING = 2  # supersampling: drawn pixels per side of a pixel, against jagged edges
 OVERLAY = 0.28  # opacity of the object over a hand behind its surface
 OVERLAY_END = 0.12  # position on the ramp from which a hand is drawn without the overlay
 LIGHTS = (((-0.45, 0.65, 0.62), 0.62), ((0.75, 0.1, 0.4), 0.22), ((0.1, -0.8, 0.3), 0.10))
@@ -41,7 +41,7 @@ def draw(
     scene: Scene, frame: int, camera: Camera, side: int, colouring: Colouring = "penetration"
 ) -> list[Picture]:
     """A picture of each version, `side` pixels square; the object is rasterised once for all."""
-    drawn = (side * SMOOTH, side * SMOOTH)
+    drawn = (side * SUPERSAMPLING, side * SUPERSAMPLING)
     behind = _layers(scene.drawn_object(frame), camera, drawn)
     pictures = []
     for version in scene.versions:
@@ -117,11 +117,11 @@ def _shaded(
 
 
 def _reduced(picture: Float[np.ndarray, "drawn_H drawn_W 3"]) -> Picture:
-    """The mean of each block of `SMOOTH` by `SMOOTH` pixels, as bytes."""
-    height, width = picture.shape[0] // SMOOTH, picture.shape[1] // SMOOTH
-    blocks = picture.reshape(height, SMOOTH, width, SMOOTH, 3)
+    """The mean of each block of `SUPERSAMPLING` by `SUPERSAMPLING` pixels, as bytes."""
+    height, width = picture.shape[0] // SUPERSAMPLING, picture.shape[1] // SUPERSAMPLING
+    blocks = picture.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 3)
     # sums of slices: several times faster than a mean over two axes
     total = np.zeros((height, width, 3), dtype=np.float32)
-    for row, column in np.ndindex(SMOOTH, SMOOTH):
+    for row, column in np.ndindex(SUPERSAMPLING, SUPERSAMPLING):
         total += blocks[:, row, :, column]
-    return ((total / SMOOTH**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    return ((total / SUPERSAMPLING**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)

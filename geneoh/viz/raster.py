@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 NOTHING = -1  # face index of a pixel that no triangle covers
-TINY = 1e-12  # twice the area in square pixels up to which a triangle is left out
+LEAST_AREA = 1e-12  # twice the area in square pixels up to which a triangle is left out
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def rasterise(
     width, height = size
     corner = screen[faces].astype(np.float64)
     turned = _cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    keep = (np.abs(turned) > TINY) & (corner[..., 2] > 0).all(1)
+    keep = (np.abs(turned) > LEAST_AREA) & (corner[..., 2] > 0).all(1)
     index = np.nonzero(keep)[0]
     corner, turned = corner[index], turned[index]
     backward = turned < 0

@@ -25,14 +25,14 @@ from geneoh.viz.picture import Picture, draw
 from geneoh.viz.posed_track import PosedTrack
 from geneoh.viz.scene import Scene, Version, make_scene
 
-COLUMNS = 8
+SHEET_COLUMNS = 8
 SCANNED = 32  # most scanned objects on the sheet, spread over their names
 SHEET_CELL = 200  # side of one picture, pixels
 SHEET_GAP = 10  # between two pictures, pixels
 TEXT_HEIGHT = 40  # height of the two lines below a picture, pixels
 BODY_COLUMNS, BODY_CELL, BODY_GAP = 9, 180, 12  # for bodies; hands have half the side
 NEAR_RADIUS = 0.13  # camera radius of a picture of one hand, metres
-LONGEST = 32  # letters of a sentence that are shown
+SENTENCE_LENGTH = 32  # letters of a sentence that are shown
 
 
 def sheet_of(kind: str, folder: Path, on_step: OnStep | None = None) -> Picture:
@@ -105,9 +105,9 @@ def contact_sheet(
 ) -> Picture:
     """One picture per clip with its family, penetration and touching fingertips below."""
     width, height = cell + SHEET_GAP, cell + TEXT_HEIGHT
-    corners = places(len(clips), COLUMNS, width, height)
+    corners = places(len(clips), SHEET_COLUMNS, width, height)
     bottom = corners[-1][1] + height
-    canvas = Canvas(width * min(COLUMNS, len(clips)) - SHEET_GAP, bottom + SCALE_HEIGHT)
+    canvas = Canvas(width * min(SHEET_COLUMNS, len(clips)) - SHEET_GAP, bottom + SCALE_HEIGHT)
     for clip, (left, top) in zip(steps(clips, on_step), corners, strict=True):
         scene = grasp_scene(clip)
         measures = scene.versions[0].measures
@@ -171,5 +171,5 @@ def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Pi
         names = {NAMES[number] for number in clip.gesture[0].tolist()} - {NAMES[0]}
         canvas.write(" + ".join(sorted(names)) or NAMES[0], left + 4, top + BODY_CELL + 2)
         said = str(clip.joined[0, -1])
-        canvas.write(said[:LONGEST], left + 4, top + BODY_CELL + 19, size=11, colour=FAINT)
+        canvas.write(said[:SENTENCE_LENGTH], left + 4, top + BODY_CELL + 19, size=11, colour=FAINT)
     return canvas.picture()

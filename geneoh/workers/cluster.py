@@ -20,7 +20,7 @@ from typing import Any
 
 from geneoh.errors import ConfigError, GeneOHError
 from geneoh.workers.pool import (
-    PATIENCE,
+    CLEANUP_SECONDS,
     TRIES,
     Do,
     Item,
@@ -34,11 +34,11 @@ from geneoh.workers.pool import (
     use_one_thread,
 )
 
-ANSWER = 10.0  # timeout in seconds of a connection to the head node
-RENEWED = 30.0
+ANSWER_SECONDS = 10.0  # timeout in seconds of a connection to the head node
+RENEWAL_SECONDS = 30.0
 """Seconds after which the connection to the head is renewed, before the head itself closes it."""
-BEGIN = 60.0  # timeout in seconds of joining an existing cluster
-WAITING = 1000  # largest number of items submitted to Ray at a time
+JOIN_SECONDS = 60.0  # timeout in seconds of joining an existing cluster
+MOST_SUBMITTED = 1000  # largest number of items submitted to Ray at a time
 HEAD_LOST = 3  # exit code of the client process when the head node is lost
 
 
@@ -69,7 +69,7 @@ def on_cluster(
                 yield lost(items[number], answer)
             else:
                 yield unpacked(pickle.loads(answer))
-        process.join(PATIENCE)
+        process.join(CLEANUP_SECONDS)
     finally:
         end(crew)
 
@@ -79,7 +79,7 @@ def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, 
     try:
         told = pipe.recv()
     except (EOFError, OSError):  # the client died, perhaps in the middle of a message
-        process.join(PATIENCE)
+        process.join(CLEANUP_SECONDS)
         code = process.exitcode
         if code == HEAD_LOST:
             why = "the head of the cluster was lost; start one again with `ray start --head`, and"
@@ -99,7 +99,7 @@ def _serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> Non
     be_silent()
     ray, code = import_module("ray"), 0
     try:
-        late = threading.Timer(BEGIN, give_up, (pipe, address))
+        late = threading.Timer(JOIN_SECONDS, give_up, (pipe, address))
         if address != "local":
             late.start()
         head = connect_to_cluster(ray, address)
@@ -127,7 +127,7 @@ def be_silent() -> None:
 
 def give_up(pipe: Connection, address: str) -> None:
     """Report that no cluster answers, or that it has no nodes, and end this process."""
-    pipe.send(no_cluster(address, f"nothing of Ray was heard for {BEGIN:.0f} seconds"))
+    pipe.send(no_cluster(address, f"nothing of Ray was heard for {JOIN_SECONDS:.0f} seconds"))
     os._exit(0)
 
 
@@ -162,7 +162,7 @@ def _place_in(address: str) -> tuple[str, int] | None:
 
 def ask(head: tuple[str, int]) -> socket.socket:
     """Open a connection to the head; `OSError` if it does not answer."""
-    return socket.create_connection(head, ANSWER)
+    return socket.create_connection(head, ANSWER_SECONDS)
 
 
 def end_with_head(head: tuple[str, int], line: socket.socket) -> None:
@@ -179,8 +179,8 @@ def end_with_head(head: tuple[str, int], line: socket.socket) -> None:
 
 
 def stays_open(line: socket.socket) -> bool:
-    """Whether a connection stays open for `RENEWED` seconds."""
-    line.settimeout(RENEWED)
+    """Whether a connection stays open for `RENEWAL_SECONDS` seconds."""
+    line.settimeout(RENEWAL_SECONDS)
     try:
         while line.recv(1024):  # a greeting
             pass
@@ -197,7 +197,7 @@ def answers(
     fresh, running = iter(enumerate(items)), dict[Any, int]()
     try:
         while True:
-            for number, item in islice(fresh, WAITING - len(running)):
+            for number, item in islice(fresh, MOST_SUBMITTED - len(running)):
                 running[task(os.getcwd(), do, item)] = number
             if not running:
                 return

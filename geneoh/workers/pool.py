@@ -28,7 +28,7 @@ Lost = Callable[[Item, str], Result]
 """Makes the result of an item whose workers died, from the item and the reason in words."""
 
 TRIES = 2  # attempts at an item whose workers die
-PATIENCE = 10.0  # seconds that a worker has to clean up its unfinished files
+CLEANUP_SECONDS = 10.0  # seconds that a worker has to clean up its unfinished files
 
 
 def results_of(
@@ -143,7 +143,7 @@ def interrupts_held() -> Iterator[None]:
 
 def cause_of_death(process: BaseProcess) -> str:
     """Why a worker was killed; `GeneOHError` if it exited by itself, as when it cannot start."""
-    process.join(PATIENCE)
+    process.join(CLEANUP_SECONDS)
     code = process.exitcode
     if code is not None and code >= 0:
         raise GeneOHError(
@@ -162,7 +162,7 @@ def end(crew: Iterable[BaseProcess]) -> None:
     for process in crew:
         process.terminate()
     for process in crew:
-        process.join(PATIENCE)
+        process.join(CLEANUP_SECONDS)
         process.kill()
         process.join()
 

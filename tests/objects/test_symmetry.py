@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.objects.symmetry import STEPS, find_symmetry
+from geneoh.objects.symmetry import TURN_STEPS, find_symmetry
 
 
 def symmetry_of(shape: trimesh.Trimesh):
@@ -27,8 +27,8 @@ def turned(shape: trimesh.Trimesh) -> trimesh.Trimesh:
     ("shape", "count"),
     [
         (trimesh.creation.box((0.06, 0.1, 0.16)), 4),
-        (trimesh.creation.cylinder(0.03, 0.12, sections=64), 2 * STEPS),
-        (trimesh.creation.cone(0.04, 0.12, sections=64), STEPS),
+        (trimesh.creation.cylinder(0.03, 0.12, sections=64), 2 * TURN_STEPS),
+        (trimesh.creation.cone(0.04, 0.12, sections=64), TURN_STEPS),
         (trimesh.creation.icosphere(3, 0.04), 1),
     ],
 )
@@ -41,7 +41,7 @@ def test_solids_have_the_rotations_of_their_shape(shape, count):
 
 def test_a_can_that_lies_askew_has_the_same_rotations():
     found = symmetry_of(turned(trimesh.creation.cylinder(0.03, 0.12, sections=64)))
-    assert len(found.rotations) == 2 * STEPS
+    assert len(found.rotations) == 2 * TURN_STEPS
     axis = Rotation.from_rotvec([0.4, -0.9, 0.2]).as_matrix()[:, 2]
     kept = np.abs(found.rotations @ axis @ axis)
     assert np.allclose(kept, 1, atol=1e-2)

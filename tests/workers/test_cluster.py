@@ -91,7 +91,7 @@ def test_the_cluster_of_this_machine_is_told_where_it_does_not_answer(monkeypatc
 
 
 def test_a_connection_to_a_head_is_renewed_until_the_head_ends_it(monkeypatch):
-    monkeypatch.setattr(cluster_module, "RENEWED", 0.05)
+    monkeypatch.setattr(cluster_module, "RENEWAL_SECONDS", 0.05)
     codes = list[int]()
     monkeypatch.setattr(cluster_module.os, "_exit", codes.append)
     with socket.create_server(("127.0.0.1", 0)) as head:

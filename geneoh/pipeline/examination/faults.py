@@ -27,7 +27,7 @@ from geneoh.readers.checks.hands import finger_curls, palm_length
 from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.shots import LASTING, shots_of
+from geneoh.sequence.shots import SHOT_SECONDS, shots_of
 from geneoh.sequence.windows import runs
 
 SHORTEST = 5  # observed frames that are needed to distinguish faults from motion
@@ -184,7 +184,9 @@ def displaced(track: KeypointTrack) -> Bool[Tensor, " T"]:
     steps = [np.diff(middle, axis=0) for middle in middles]
     limit = change_limit(steps, PLACE_CHANGE, track.fps)
     limit = min(limit, LARGEST_PLACE * max(1.0, 30 / track.fps))
-    return track.in_all(middles, lambda middle: ~possible_places(middle, limit, track.fps, LASTING))
+    return track.in_all(
+        middles, lambda middle: ~possible_places(middle, limit, track.fps, SHOT_SECONDS)
+    )
 
 
 def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
@@ -193,7 +195,7 @@ def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
     limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
     limit = min(limit, LARGEST_TURN)
     return track.in_all(
-        palms, lambda palm: ~longest_chain(palm, limit, ALL_THE_SAME, track.fps, LASTING).kept
+        palms, lambda palm: ~longest_chain(palm, limit, ALL_THE_SAME, track.fps, SHOT_SECONDS).kept
     )
 
 

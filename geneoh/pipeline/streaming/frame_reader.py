@@ -13,7 +13,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.pipeline.observed import Observed
 from geneoh.readers.arrays import array_of
-from geneoh.readers.keypoints.missing import FEWEST
+from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
 from geneoh.readers.npz.files import hand_arrays
 from geneoh.readers.npz.hands import read_own
 from geneoh.readers.npz.layouts import HAND_FIELDS, quoted
@@ -22,7 +22,7 @@ from geneoh.readers.records import Record
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.validation import check_hand, check_object, collapsed
 
-FOUND = {"joints": FEWEST / 21, "pose": 1.0, "wrist": 1.0}
+FOUND = {"joints": FEWEST_KEYPOINTS / 21, "pose": 1.0, "wrist": 1.0}
 """Least share of finite values per field of a hand; with fewer the hand counts as lost."""
 
 

@@ -18,9 +18,9 @@ from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0
 """Limits in metres of the height of the head above the lower foot in the rest pose."""
-FAR_UP = 10.0
+LARGEST_HEIGHT = 10.0
 """Height in metres above or below the origin that a recorded pelvis hardly reaches."""
-FAST = 15.0
+LARGEST_SPEED = 15.0
 """Median speed in metres a second that no pelvis reaches."""
 
 
@@ -133,7 +133,7 @@ def about_place(recording: BodyRecording) -> Notes:
     far = float(root[:, 1].abs().max())
     speeds = recording.fps * root.diff(dim=0).norm(dim=-1)
     speed = float(speeds.nanmedian()) if len(speeds) else 0
-    if far < FAR_UP and speed < FAST:
+    if far < LARGEST_HEIGHT and speed < LARGEST_SPEED:
         return ()
     return (
         f"the pelvis is up to {far:.3g} m above or below the origin and moves at {speed:.3g} m/s; "

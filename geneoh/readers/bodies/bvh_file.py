@@ -20,7 +20,7 @@ from geneoh.geometry import kinematics
 from geneoh.readers.nested_lists import NUMBERS_LIMIT
 from geneoh.readers.records import FRAME_LIMIT, Array, float32
 
-SIZE_LIMIT = 2**28
+BVH_LIMIT = 2**28
 """Largest BVH in bytes: an hour of a body with fingers at 30 frames a second."""
 MOST_JOINTS = 1000
 CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
@@ -74,7 +74,7 @@ def read_bvh_file(path: Path) -> BvhFile:
     Raises:
         InputError: the file is no whole BVH.
     """
-    text = read_bytes(path, SIZE_LIMIT).decode("utf-8", "replace")
+    text = read_bytes(path, BVH_LIMIT).decode("utf-8", "replace")
     parts = re.split(r"^\s*MOTION\s*$", text, maxsplit=1, flags=re.MULTILINE)
     if len(parts) != 2 or "HIERARCHY" not in parts[0][:200]:
         raise InputError(f"{path}: expected HIERARCHY and MOTION of a BVH, got neither; {DAMAGED}")

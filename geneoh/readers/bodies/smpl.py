@@ -35,7 +35,7 @@ OFFSETS = "body_offsets"
 """In our own files: the (52, 3) rest offsets of the skeleton, the first that of the pelvis."""
 UP = "body_up"
 """In our own files: the axis of their world that points up."""
-FINGERS = 30
+FINGER_JOINTS = 30
 JAW_AND_EYES = 9
 """Numbers of SMPL-X between body and hands, which we leave at zero."""
 MOTION_X = 322
@@ -143,7 +143,7 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
             raise record.refuse(layout.body, f"(T, {3 * BODY_JOINTS}) or more numbers in radians")
         poses = record.array(layout.body, ("T", "N"), unit="in radians")
         start = HANDS_IN_POSES.get(width)
-        fingers = None if start is None else poses[:, start : start + 3 * FINGERS]
+        fingers = None if start is None else poses[:, start : start + 3 * FINGER_JOINTS]
         body = in_radians(record, layout.body, poses[:, : 3 * BODY_JOINTS])
     else:
         root = _turns_of(record, layout.root, 1)
@@ -155,7 +155,7 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
     fingers, notes = absolute(record, layout, fingers)
     if fingers is not None and not bool((np.abs(fingers) <= LARGEST_ANGLE).all()):
         fingers, notes = None, ("the fingers are not in radians in all frames and were left out",)
-    flat = np.zeros((len(body), 3 * FINGERS)) if fingers is None else fingers
+    flat = np.zeros((len(body), 3 * FINGER_JOINTS)) if fingers is None else fingers
     vectors = float32(np.concatenate([body, flat], axis=1)).reshape(-1, len(JOINT_NAMES), 3)
     return axis_angle_to_matrix(vectors), fingers is not None, notes
 
@@ -183,7 +183,7 @@ def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
         record.refuse_lengths(layout.root, *layout.hands)
     whole = [part.reshape(frames, -1) for part in parts if part.ndim and part.size]
     found = np.concatenate(whole, axis=1) if whole else np.zeros((frames, 0))
-    return found if found.shape[1] == 3 * FINGERS else None
+    return found if found.shape[1] == 3 * FINGER_JOINTS else None
 
 
 def absolute(record: Record, layout: Layout, fingers: Array | None) -> tuple[Array | None, Notes]:

@@ -19,7 +19,7 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-LONGEST, MOST_DELAYS = 0.3, 15
+LONGEST_DELAY, MOST_DELAYS = 0.3, 15
 """Longest delay in seconds, and largest number of delays tried, in each direction. A minimum at the
 longest one is ignored: a hand that leaves a still object with noisy poses moves least there."""
 SMOOTHING, SPEED_SMOOTHING = 0.05, 0.07
@@ -27,12 +27,12 @@ SMOOTHING, SPEED_SMOOTHING = 0.05, 0.07
 speeds."""
 MOVING_SPEED = 0.09
 """Speed of the object at the palm, in metres a second, above which it counts as moving."""
-BLOCK, BLOCK_FRAMES = 1 / 3, 10
+BLOCK_SECONDS, BLOCK_FRAMES = 1 / 3, 10
 """Length of a block, in seconds and in frames, whichever is longer. The motion is measured within
 blocks, in which a hand that slides in its grip slides little."""
-BESIDE_GAPS = 2
+GAP_FRAMES = 2
 """Frames before and after a gap of the hand that are left out, as the filled-in frames are."""
-LEAST, LEAST_FRAMES = 2 / 3, 20
+LEAST_SECONDS, LEAST_FRAMES = 2 / 3, 20
 """Motion that is needed, in seconds and in frames, whichever is longer."""
 SHARE, OTHERS_SHARE = 0.3, 0.6
 """Largest ratio of the squared motion with a delay to that without: over all blocks, and without
@@ -61,7 +61,7 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
         return 0
     delays = delays_at(fps)
     palm = keypoints_of(fill_gaps(hand))[:, PALM].double().cpu().numpy()
-    seen = binary_erosion(hand.valid.cpu().numpy(), iterations=BESIDE_GAPS, border_value=1)
+    seen = binary_erosion(hand.valid.cpu().numpy(), iterations=GAP_FRAMES, border_value=1)
     ways = [
         wandering(palm, seen, delays, motion.rotation[:, part], motion.translation[:, part], fps)
         for part in motion.seen_parts
@@ -80,7 +80,7 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
 
 def delays_at(fps: float) -> Array:
     """(K,) the delays that are tried, in frames; 0 is one of them."""
-    most = max(1, round(LONGEST * fps))
+    most = max(1, round(LONGEST_DELAY * fps))
     count = min(most, MOST_DELAYS)
     return np.round(np.linspace(-most, most, 2 * count + 1)).astype(int)
 
@@ -93,8 +93,8 @@ def wandering(
     margin = int(delays.max())
     usable = moves(palm, rotation, place, fps) & seen
     usable[:margin], usable[len(usable) - margin :] = False, False
-    blocks = _blocks_of(usable, max(BLOCK_FRAMES, round(BLOCK * fps)))
-    if sum(map(len, blocks)) < max(LEAST_FRAMES, LEAST * fps):
+    blocks = _blocks_of(usable, max(BLOCK_FRAMES, round(BLOCK_SECONDS * fps)))
+    if sum(map(len, blocks)) < max(LEAST_FRAMES, LEAST_SECONDS * fps):
         return np.zeros((0, len(delays)))
     found = []
     for delay in delays:

@@ -25,7 +25,7 @@ the object. Only interpretations with a smaller distance are considered."""
 POSES_REACH = 5.0
 """Distance in metres from the wrist to the origin of an object without a mesh that is larger than
 any object."""
-ROUNDING, TRAVEL = 1e-6, 0.1
+STILL, OBJECT_TRAVEL = 1e-6, 0.1
 """Metres within which a wrist stands still, and beyond which fingers alone move no object."""
 HOLDING_STEPS, HOLDING_GAIN, HOLDING_SHARE = 5, 0.002, 0.4
 """Number of moving frames needed; decrease in metres a frame, and ratio, of the slip from which on
@@ -33,7 +33,7 @@ another interpretation is reported."""
 SCATTER, SCATTER_SHARE = 0.03, 0.5
 """Least scatter in metres, and ratio of scatters, at which another interpretation is reported. None
 of 1,248 correct synthetic clips is, half of them with 20 mm of noise."""
-MOVING_SPEED, MOVING_TURN = 0.002, 0.02
+MOVING_STEP, MOVING_TURN = 0.002, 0.02
 """Metres and radians a frame above which something moves: a hand at rest shows nothing."""
 TRANSPOSED = "the object's rotation transposed"
 INVERTED = "the object's poses inverted, as they are world to object"
@@ -75,8 +75,8 @@ def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     if not motion.meshes or given is None or int(seen.sum()) <= HOLDING_STEPS:
         return
     wrist, place = wrist_of(hand)[seen], motion.translation[seen]
-    stays = float((wrist - wrist[0]).abs().max()) < ROUNDING < float(given[seen].std(0).max())
-    if stays and float((place - place[0]).norm(dim=-1).max()) > TRAVEL:
+    stays = float((wrist - wrist[0]).abs().max()) < STILL < float(given[seen].std(0).max())
+    if stays and float((place - place[0]).norm(dim=-1).max()) > OBJECT_TRAVEL:
         yield (
             "place: its wrist stays exactly where it is while the fingers and the object move, "
             "as in a hand that is relative to its wrist; add the wrist's place in the world"
@@ -140,10 +140,10 @@ def other_readings(side: Side, wrist: Array, turn: Array, shift: Array) -> dict[
 def moving_steps(valid: Array, wrist: Array, turn: Array, shift: Array) -> Array:
     """Frames t with the hand in t and t + 1, between which the hand and the object both move."""
     both = valid[1:] & valid[:-1]
-    both &= np.linalg.norm(np.diff(wrist, axis=0), axis=1) > MOVING_SPEED
+    both &= np.linalg.norm(np.diff(wrist, axis=0), axis=1) > MOVING_STEP
     cosine = (np.einsum("tij,tij->t", turn[1:], turn[:-1]) - 1) / 2
     turns = np.arccos(np.clip(cosine, -1, 1)) > MOVING_TURN
-    travels = np.linalg.norm(np.diff(shift, axis=0), axis=1) > MOVING_SPEED
+    travels = np.linalg.norm(np.diff(shift, axis=0), axis=1) > MOVING_STEP
     return np.flatnonzero(both & (turns | travels))
 
 

@@ -29,7 +29,7 @@ from geneoh.readers.keypoints.mediapipe import (
     stamps_in,
     tracks_in,
 )
-from geneoh.readers.keypoints.missing import FEWEST
+from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
 from geneoh.readers.keypoints.tables import Numbering
 from geneoh.readers.records import Array
 
@@ -47,14 +47,14 @@ SIDES_OF_HANDS += ("handtype", "type")
 SCORES = ("score", "confidence")
 LISTS_OF_HANDS = ("hands", "predictions", "detections", "instances", "people")
 PLACES = ("position", "translation", "location", "pose")
-NAMES = ("name", "joint", "jointname", "bone", "id")
+POINT_NAMES = ("name", "joint", "jointname", "bone", "id")
 """Names of fields: the points, the side and the score of a hand, the hands of a frame, and the
 coordinates and the name of a point."""
 BESIDE_SIDE = {"hand", "hands", "keypoints", "joints", "landmarks", "points", "3", "d"}
 """Words that may stand beside the side in the name of a field with the hand of that side."""
-LARGEST = 1e300
+LARGEST_NUMBER = 1e300
 """Largest number that counts as a coordinate; JSON may hold integers of hundreds of digits."""
-DEEPEST = 8
+DEEPEST_NESTING = 8
 """Greatest depth of nested lists and dicts that are searched for a hand."""
 
 
@@ -106,7 +106,7 @@ class _Frames:
         points = self._points(value, where)
         if points is not None:
             yield Detected(side or self._side, score, points)
-        elif depth == DEEPEST:
+        elif depth == DEEPEST_NESTING:
             return
         elif isinstance(value, list):
             for each in value:
@@ -138,7 +138,7 @@ class _Frames:
     def _points(self, value: Any, where: str) -> Array | None:
         """(21, 3) points of a hand, NaN for missing ones; None where the value holds none."""
         named = _points_by_name(value)
-        if len(named) < FEWEST:
+        if len(named) < FEWEST_KEYPOINTS:
             return None
         if isinstance(value, list) and all(str(name).isdecimal() for name in named):
             self.numbering.refuse_other_count(len(named))
@@ -166,11 +166,11 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
         for name, each in lists.items()
         if (_side_of(name) or _plain(name) in POINTS)
         and not _is_numbers(each)
-        and len(_points_by_name(each)) < FEWEST
+        and len(_points_by_name(each)) < FEWEST_KEYPOINTS
     }
     if not columns:
         columns = {name: each for name, each in lists.items() if _are_places(each)}
-        columns = columns if len(columns) >= FEWEST else {}
+        columns = columns if len(columns) >= FEWEST_KEYPOINTS else {}
     lengths = {len(each) for each in columns.values()}
     count = lengths.pop() if len(lengths) == 1 else 0
     return [{name: each[index] for name, each in columns.items()} for index in range(count)]
@@ -190,7 +190,7 @@ def _points_by_name(value: Any) -> dict[str, Array]:
     else:
         items = value.items() if isinstance(value, dict) else ()
     found = {name: _place_of(each) for name, each in items}
-    if sum(place is not None for place in found.values()) < FEWEST:
+    if sum(place is not None for place in found.values()) < FEWEST_KEYPOINTS:
         return {}
     lost = np.full(3, np.nan)  # null stands for a point that was not found
     found = {name: lost if fields is None else found[name] for name, fields in items}
@@ -206,7 +206,7 @@ def _called(value: Any) -> dict[str, Any]:
 def _name_of(point: Any, number: str) -> str:
     """The name in a point's fields, else its number in the list."""
     fields = _called(point)
-    said = (fields[name] for name in NAMES if name in fields)
+    said = (fields[name] for name in POINT_NAMES if name in fields)
     return next((name for name in said if isinstance(name, str)), number)
 
 
@@ -237,7 +237,8 @@ def _place_in_matrix(value: list[Any]) -> list[Any] | None:
 def _is_numbers(values: list[Any]) -> bool:
     """Whether a list holds only nulls, and numbers that fit into an array."""
     return all(
-        each is None or (type(each) in (int, float) and not abs(each) > LARGEST) for each in values
+        each is None or (type(each) in (int, float) and not abs(each) > LARGEST_NUMBER)
+        for each in values
     )
 
 

@@ -26,7 +26,7 @@ from geneoh.readers.records import Array, Notes, Record, as_record
 WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
 WORLD += ("multiHandWorldLandmarks", "world_landmarks")
 IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandmarks")
-HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
+SIDE_FIELDS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
 LISTS = ("frames", "results", "instance_info")
 """Names under which a file may list its results; the last one is MMPose's."""
 NUMBERED = re.compile(r"(\d+)|.*?(\d{4,})(\.\w+)?")
@@ -37,7 +37,7 @@ OF_SIDE: dict[Side, tuple[str, str]] = {
 """Fields of the Holistic Landmarker, which tells the hands apart by the body."""
 LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
 
-APART = 10
+LARGEST_FRAME_STEP = 10
 """Median step beyond which numbers are timestamps: results so many frames apart show no motion."""
 
 NOTES = (
@@ -108,7 +108,7 @@ def frames_in(value: Any) -> list[Any]:
         )
         given = sorted(numbers, key=itemgetter(0))
         steps = [after - before for (before, _), (after, _) in pairwise(given)]
-        name = "timestamp" if steps and median(steps) > APART else "frame"
+        name = "timestamp" if steps and median(steps) > LARGEST_FRAME_STEP else "frame"
         value = [
             {name: n, **(result if isinstance(result, dict) else {"hands": result})}
             for n, result in given
@@ -184,7 +184,7 @@ class Detected:
 def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
     """The hands of one result of MediaPipe; `side` is for hands without one."""
     record = as_record(frame, where)
-    world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
+    world, sides = field_of(record, WORLD), field_of(record, SIDE_FIELDS)
     found = []
     for number, points in enumerate(world):
         label, score = label_of(sides[number] if number < len(sides) else None)

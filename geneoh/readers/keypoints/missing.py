@@ -7,7 +7,7 @@ from torch import Tensor
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.readers.records import Notes
 
-FEWEST = 11
+FEWEST_KEYPOINTS = 11
 """Least number of keypoints with which a frame holds a hand: half of them."""
 
 
@@ -20,7 +20,7 @@ def without_missing(
     a missing wrist that of the mean of the others.
     """
     missing = missing_keypoints(joints)
-    there = (~missing).sum(-1) >= FEWEST
+    there = (~missing).sum(-1) >= FEWEST_KEYPOINTS
     missing &= there[:, None]
     if not bool(missing.any()):
         return joints, confidence, ()
