@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from geneoh.errors import EndedElsewhereError, GeneOHError
+from geneoh.interrupts import INTERRUPTED
 
 # Threads that wait for work spin shortly, then sleep. Our steps are small: threads that only spin
 # made a command six times as slow where cores are shared, threads that only sleep make it a tenth
@@ -32,9 +33,6 @@ imports torch and geneoh inside the function only, so that help is shown at once
 
 LONGEST_MESSAGE = 2000
 """Most characters of a message; a longer one, which may quote user input, loses its middle."""
-
-INTERRUPTED = 130
-"""Exit code that shells report for a program ended by SIGINT: 128 + 2."""
 
 
 def failed(message: str, exit_code: int) -> click.exceptions.Exit:

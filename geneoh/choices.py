@@ -142,7 +142,8 @@ OF_SOURCES = (
 Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
-CELL_LIMITS = (64, 2048)  # the least and the largest side of one picture in a filmstrip, pixels
+STRIP_CELL = 260  # side of one picture in a filmstrip, pixels
+CELL_LIMITS = (64, 2048)  # the least and the largest one
 
 Refiner = Literal["geneoh", "paper", "none"]
 """Refinement of the hands of a generated interaction: by the cleaner of `geneoh denoise`, by the

@@ -6,6 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+INTERRUPTED = 130
+"""Exit code that shells report for a program ended by SIGINT: 128 + 2."""
+
 
 @contextmanager
 def on_interrupt(act: Callable[..., None]) -> Iterator[None]:

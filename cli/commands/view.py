@@ -6,7 +6,7 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import AXES, CELL_LIMITS, COLOURINGS
+from geneoh.choices import AXES, CELL_LIMITS, COLOURINGS, STRIP_CELL
 
 from .. import options, progress
 from ..options import FILE, OBJ_HELP, flag, many, option
@@ -36,7 +36,11 @@ from ..options import FILE, OBJ_HELP, flag, many, option
     Choice(AXES),
 )
 @many("--frame frames: Frame of a filmstrip. May be repeated.  [default: five, evenly spread]", int)
-@option("--cell: Side of one picture of a filmstrip, in pixels.", click.IntRange(*CELL_LIMITS), 260)
+@option(
+    "--cell: Side of one picture of a filmstrip, in pixels.",
+    click.IntRange(*CELL_LIMITS),
+    STRIP_CELL,
+)
 @flag("--serve: Show many results live, sorted by a measure.")
 @option("--port: Network port of --serve.", click.IntRange(0, 65535), 8080)
 @options.unit

@@ -64,18 +64,13 @@ class DatasetReader:
 
     def read(self, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
         """The recordings of a clip: its interactions, cut where the object's pose is unknown."""
-        parts = self.parts(clip, options)
-        found = [recording for each in parts for recording in self.recordings(each, clip, options)]
+        found = []
+        for parts in self.parts(clip, options):
+            whole = self.whole(parts, clip, options)
+            found += split(whole, frames_to_keep(parts, whole.sequence.frames), parts.after_jump)
         if not found:
             raise InputError(f"{clip.path}: expected {self.content}, got none; download them")
         return found
-
-    def recordings(
-        self, parts: ClipParts, clip: SourceClip, options: ReaderOptions
-    ) -> list[Recording]:
-        """The recordings of one interaction: runs of frames in which the object's pose is known."""
-        whole = self.whole(parts, clip, options)
-        return split(whole, frames_to_keep(parts, whole.sequence.frames), parts.after_jump)
 
     def timing(
         self, parts: ClipParts, options: ReaderOptions, where: str

@@ -22,9 +22,6 @@ UNIT_SCALES = (1000.0, 100.0, 0.01, 0.001)
 TOO_FAR = 10.0
 """Distance in metres from which on the object's translations may be in a smaller unit."""
 
-WRIST_FROM_ORIGIN = 0.15
-"""Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
-
 
 def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: the unit, frame or object must be wrong."""

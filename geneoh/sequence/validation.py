@@ -14,7 +14,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.rotations import is_rotation
 from geneoh.hand.skeleton import LARGEST_HAND, SMALLEST_HAND
-from geneoh.sequence.distance_check import WRIST_FROM_ORIGIN, check_distance, least_distance
+from geneoh.sequence.distance_check import check_distance, least_distance
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LARGEST_ANGLE = 4 * torch.pi
@@ -35,6 +35,9 @@ UNIT_TOLERANCE = 1e-3
 
 WRIST_APART = 0.1
 """Largest median distance between `wrist` and the first keypoint, metres."""
+
+WRIST_FROM_ORIGIN = 0.15
+"""Largest distance in metres of MANO's wrist from its origin, where parameters of zero place it."""
 
 COLLAPSED_EXTENT = 0.01
 """Extent in metres below which the keypoints of a frame are no hand: some trackers write zeros

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, distributed
 
 from geneoh.errors import ConfigError, EndedElsewhereError, GeneOHError
-from geneoh.interrupts import on_interrupt
+from geneoh.interrupts import INTERRUPTED, on_interrupt
 
 VARIABLES = ("RANK", "WORLD_SIZE", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT")
 """Environment variables that torchrun sets in each process."""
@@ -25,7 +25,6 @@ LOST = (
     "another process of the run ended without an error message, as when memory runs out; start the "
     "run again, and it goes on where its state was saved last"
 )
-INTERRUPTED = 130  # exit code after Ctrl-C, the same as of the process that reports it
 
 
 @dataclass(frozen=True)

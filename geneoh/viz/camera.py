@@ -239,18 +239,11 @@ def _middles_of_all(
 
 def _whole(seen: Iterable[Seen], targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
     """Radius with which a camera sees all vertices in nearly all frames, metres."""
-    reach = torch.zeros(len(targets))
-    for verts, there in seen:
-        reach = torch.maximum(reach, _reach(verts, targets, axes).where(there, reach))
-    return float(reach.quantile(WHOLE_FRAMES))
-
-
-def _reach(
-    points: Float[Tensor, "T N 3"], targets: Float[np.ndarray, "T 3"], axes: Axes
-) -> Float[Tensor, " T"]:
-    """Radius with which a camera sees all points of each frame, metres."""
     half, middle = FIELD_OF_VIEW / 2, torch.from_numpy(targets).float()[:, None]
-    aside = (points - middle) @ torch.from_numpy(axes).float().T
-    # perspective: a point that is nearer to the eye by `aside[2]` needs a larger radius
-    needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
-    return needed.amax(-1)
+    radius = torch.zeros(len(targets))
+    for verts, there in seen:
+        aside = (verts - middle) @ torch.from_numpy(axes).float().T
+        # perspective: a point that is nearer to the eye by `aside[2]` needs a larger radius
+        needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
+        radius = torch.maximum(radius, needed.amax(-1).where(there, radius))
+    return float(radius.quantile(WHOLE_FRAMES))

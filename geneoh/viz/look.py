@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor, zeros_like
 
-from geneoh.choices import AXES, CELL_LIMITS, COLOURINGS, Axis, Colouring
+from geneoh.choices import AXES, CELL_LIMITS, COLOURINGS, STRIP_CELL, Axis, Colouring
 from geneoh.errors import ConfigError
 from geneoh.metrics.contact import TOUCH
 
@@ -18,7 +18,6 @@ BODY_COLOUR: Colour = (0.78, 0.8, 0.83)
 OBJECT_COLOUR: Colour = (0.55, 0.63, 0.73)
 LARGEST_DEPTH = 0.006  # penetration in metres at which its ramp ends
 LARGEST_SPREAD = 0.02  # spread in metres at which its ramp ends
-STRIP_CELL = 260  # side of one picture in a filmstrip, pixels
 
 
 @dataclass(frozen=True)

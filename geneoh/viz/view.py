@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call
-from geneoh.choices import Axis, Colouring, Side
+from geneoh.choices import STRIP_CELL, Axis, Colouring, Side
 from geneoh.config import as_field_type
 from geneoh.files.atomic import write_whole
 from geneoh.hand.mano import refuse_without_mano
@@ -21,7 +21,7 @@ from geneoh.progress import OnStep
 from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import Sequence
-from geneoh.viz.look import STRIP_CELL, Look
+from geneoh.viz.look import Look
 from geneoh.viz.outputs import check_scene_outputs, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene

@@ -12,9 +12,9 @@ from pages import page_scene
 from PIL import Image
 
 from geneoh import load, save
+from geneoh.choices import STRIP_CELL
 from geneoh.errors import MissingAssetError
 from geneoh.viz.canvas import LEAST_COLUMN, STRIP_GAP
-from geneoh.viz.look import STRIP_CELL
 from geneoh.viz.video import ffmpeg_path
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

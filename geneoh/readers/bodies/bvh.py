@@ -22,6 +22,7 @@ from geneoh.body.motion import BodyMotion, body_local_rotations
 from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton, embedded_skeleton
 from geneoh.choices import SIDES, Axis
 from geneoh.errors import InputError
+from geneoh.geometry.mesh import INCH, METRES
 from geneoh.geometry.rotations import shortest_turn
 from geneoh.readers.bodies.base import BodyRecording, checked_body, upright_body
 from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
@@ -30,7 +31,7 @@ from geneoh.readers.clock import rate_of
 from geneoh.readers.npz.layouts import quoted
 from geneoh.sequence.body_hands import hand_offsets
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "CMU's unit": 0.056444}
+UNITS = {**METRES, "inches": INCH, "CMU's unit": 0.056444}
 """Units that programs write, in metres; CMU's skeletons are in inches / 0.45."""
 TYPICAL_LEG = 0.85  # metres from hip to ankle
 TYPICAL_ARM = 0.55  # metres from shoulder to wrist, for skeletons without legs
