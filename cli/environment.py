@@ -80,10 +80,10 @@ def networks(folder: Path) -> dict[str, Any]:
 
 def facts_as_text(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """The facts as lines of text that fit on one screen."""
-    versions = {name: said or "not installed" for name, said in found["versions"].items()}
+    versions = {name: text or "not installed" for name, text in found["versions"].items()}
     yield f"python {versions.pop('python')} on {versions.pop('system')}"
-    yield ", ".join(f"{name} {said}" for name, said in versions.items())
-    yield from ("devices", *(f"  {name}: {said}" for name, said in found["devices"].items()))
+    yield ", ".join(f"{name} {text}" for name, text in versions.items())
+    yield from ("devices", *(f"  {name}: {text}" for name, text in found["devices"].items()))
     yield "hands"
     for name, hand in found["hands"].items():
         size = f"{hand.get('vertices')} vertices, {hand.get('faces')} faces"
@@ -91,5 +91,5 @@ def facts_as_text(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     yield "weights" if found["weights"] else "weights: none are installed"
     for name, network in found["weights"].items():
         size = (network.get("parameters", 0) / 1e6, network.get("bytes", 0) / 2**20)
-        told = "{:.2f} M parameters, {:.1f} MiB".format(*size)
-        yield f"  {name}: {network.get('problem') or told}"
+        text = "{:.2f} M parameters, {:.1f} MiB".format(*size)
+        yield f"  {name}: {network.get('problem') or text}"

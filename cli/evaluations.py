@@ -116,9 +116,9 @@ OF_SCORES = (
 """Parameters that apply only where geneoh is scored, and those only where anything is scored."""
 
 
-def refuse_ignored(asked: dict[str, Any], inputs: Path | None) -> None:
+def refuse_ignored(chosen: dict[str, Any], inputs: Path | None) -> None:
     """Refuse options that would be ignored, and a data set that only generators are scored on."""
-    if (dataset := asked["dataset"]) not in DATASETS:
+    if (dataset := chosen["dataset"]) not in DATASETS:
         raise ConfigError(
             f"--dataset {dataset}: expected one of {', '.join(DATASETS)} without --generator, got "
             "one that only a generator is scored on; add --generator text2hoi and --root with your "
@@ -127,16 +127,16 @@ def refuse_ignored(asked: dict[str, Any], inputs: Path | None) -> None:
     options.refuse(["refine"], "needs --generator")
     if inputs is not None:
         options.refuse(OF_SCORES, "has no meaning with --inputs, which scores nothing")
-    if asked["methods"] and "geneoh" not in asked["methods"]:
+    if chosen["methods"] and "geneoh" not in chosen["methods"]:
         options.refuse(OF_GENEOH, "needs --method geneoh too")
-    if asked["methods"] and LEARNED.isdisjoint(asked["methods"]):
+    if chosen["methods"] and LEARNED.isdisjoint(chosen["methods"]):
         options.refuse(["weights"], "needs a --method that has weights")
-    if asked["dataset"] == "synthetic":
+    if chosen["dataset"] == "synthetic":
         options.refuse(["root"], "has no meaning with --dataset synthetic, which needs no copy")
 
 
 def evaluation_options(
-    *, mano: Path | None, settings: tuple[str, ...], **asked: Any
+    *, mano: Path | None, settings: tuple[str, ...], **chosen: Any
 ) -> "EvaluationOptions":
     """The options of the command line as `EvaluationOptions`."""
     from geneoh.config import configured
@@ -144,10 +144,10 @@ def evaluation_options(
     from geneoh.nn.devices import named_device
     from geneoh.pipeline.options import Options
 
-    named_device(asked["device"])
-    ours = {n: asked.pop(n) for n in ("samples", "selection", "hand", "weights", "device")}
+    named_device(chosen["device"])
+    ours = {n: chosen.pop(n) for n in ("samples", "selection", "hand", "weights", "device")}
     protocol = configured(ProtocolOptions(mano_dir=mano), settings=settings)
-    return EvaluationOptions(**asked, protocol=protocol, cleaner=Options(**ours, mano_dir=mano))
+    return EvaluationOptions(**chosen, protocol=protocol, cleaner=Options(**ours, mano_dir=mano))
 
 
 def refuse_without_scores(made: "Evaluation", folder: Path) -> None:
@@ -197,20 +197,20 @@ def score_generator(ctx: click.Context) -> None:
     from geneoh.workers.pool import cores
 
     check_parameters(ctx)
-    asked = ctx.params
-    given = {"limit": asked["limit"], "seed": next(iter(asked["seeds"]), None)}
+    values = ctx.params
+    given = {"limit": values["limit"], "seed": next(iter(values["seeds"]), None)}
     chosen = {name: value for name, value in given.items() if value is not None}
-    chosen["weights"] = asked["weights"]
-    root, settings = asked["root"], asked["settings"]
-    if asked["generator"] == "both2hands":
+    chosen["weights"] = values["weights"]
+    root, settings = values["root"], values["settings"]
+    if values["generator"] == "both2hands":
         hands = configured(GestureOptions(root, **chosen), settings=settings)
         evaluate = partial(evaluate_gestures, hands)
     else:
-        data = {name: asked[name] for name in ("dataset", "refine", "mano")}
+        data = {name: values[name] for name in ("dataset", "refine", "mano")}
         actions = GenerationOptions(root, **data, **chosen)
         scored = configured(actions, settings=settings)
-        evaluate = partial(evaluate_generator, scored, jobs=asked["jobs"] or cores())
-    folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
+        evaluate = partial(evaluate_generator, scored, jobs=values["jobs"] or cores())
+    folder = values["folder"] or Path("runs", "eval", f"{values['generator']}-{values['dataset']}")
     keep_other_generation_reports(folder)
     command = command_line(ctx)
     with progress.progress_bars() as on_progress:

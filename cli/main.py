@@ -112,9 +112,9 @@ class LazyGroup(click.Group):
                 raise  # the reader of our output left: click ends quietly
             if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
                 raise failed(f"{error.filename}: {error.strerror}; check the path", 2) from None
-            said = f"{type(error).__name__}: {error}"
+            reason = f"{type(error).__name__}: {error}"
             hint = "run `geneoh --debug ...` for the traceback and report it"
-            raise failed(f"unexpected {said}; {hint}", 1) from None
+            raise failed(f"unexpected {reason}; {hint}", 1) from None
 
 
 @click.group(

@@ -75,10 +75,10 @@ def option(text: str, kind: Any = None, default: Any = None, **how: Any) -> Deco
 
     Of the names, such as "-o --output folder", the one without dashes is the parameter's.
     """
-    names, _, said = text.partition(": ")
+    names, _, help_text = text.partition(": ")
     if not how.get("required"):  # click takes a default, even None, for a passed value
         how["default"] = default
-    return click.option(*names.split(), help=said, type=kind, **how)
+    return click.option(*names.split(), help=help_text, type=kind, **how)
 
 
 many = partial(option, multiple=True)

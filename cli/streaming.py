@@ -147,13 +147,13 @@ def watched(
         if len(first) < wanted:
             first.append(fields)
             if len(first) == wanted:
-                tell_of_times(first, fps)
+                warn_of_times(first, fps)
         yield where, fields
     if 0 < len(first) < wanted:
-        tell_of_times(first, fps)
+        warn_of_times(first, fps)
 
 
-def tell_of_times(frames: list[Fields], fps: float) -> None:
+def warn_of_times(frames: list[Fields], fps: float) -> None:
     """Log a warning where times or numbers of frames contradict a constant frame rate `fps`."""
     stamps = {
         name: [each.get(name) for each in frames] for name in CLOCK_NAMES if name in frames[0]
@@ -173,15 +173,15 @@ def tell_of_times(frames: list[Fields], fps: float) -> None:
         )
 
 
-def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
-    """The sides to clean: all that the first frame names, even as null, or only `asked`."""
-    sides = SIDES if asked is None else (asked,)
+def sides_in(fields: Fields, chosen: Side | None, where: str) -> list[Side]:
+    """The sides to clean: all that the first frame names, even as null, or `chosen` alone."""
+    sides = SIDES if chosen is None else (chosen,)
     found: list[Side] = [s for s in sides if any(n in fields for n in own_names(s).values())]
     if not found:
-        cure = "add one" if asked is None else f"add one, or correct --side {asked}"
+        cure = "add one" if chosen is None else f"add one, or correct --side {chosen}"
         raise InputError(
             f"{where}: the first frame must name its hands by fields such as "
-            f"'{asked or 'right'}_joints', null where a hand is lost, got "
+            f"'{chosen or 'right'}_joints', null where a hand is lost, got "
             f"{', '.join(map(repr, [*fields][:10])) or 'none'}; {cure}"
         )
     return found

@@ -48,7 +48,7 @@ def bench(
     fresh: bool,
     overwrite: bool,
     threads: int | None,
-    **asked: Any,
+    **chosen: Any,
 ) -> None:
     """Measure speed and memory on this machine.
 
@@ -68,14 +68,14 @@ def bench(
     from geneoh.pipeline.presets import preset
     from geneoh.workers.pool import cores
 
-    axes = {axis: values for axis in QUICK if (values := asked.pop(axis))}
+    axes = {axis: values for axis in QUICK if (values := chosen.pop(axis))}
     if axes and full:
         raise ConfigError(f"--full is a grid of its own; leave it or {', '.join(axes)} out")
-    named_device(asked["device"])
+    named_device(chosen["device"])
     check_ending(output, (".json",))
     check_outputs([output, *check_plot(plot)], overwrite=overwrite)
-    few = preset(asked["preset"]).samples
-    base = Point(samples=few, threads=threads or torch.get_num_threads(), **asked)
+    few = preset(chosen["preset"]).samples
+    base = Point(samples=few, threads=threads or torch.get_num_threads(), **chosen)
     grid = Bench(base, axes or (FULL if full else QUICK), not no_paper, tree)
     machine = {"cores": cores(), "gpus": {k: v for k, v in devices().items() if k != "cpu"}}
     environment = {**machine, "versions": versions(), "weights": file_digests(all_weights(None))}

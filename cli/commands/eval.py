@@ -14,7 +14,7 @@ from .. import evaluations, progress
 @evaluations.eval_options
 @click.pass_context
 def eval(
-    ctx: click.Context, folder: Path | None, inputs: Path | None, jobs: int | None, **asked: Any
+    ctx: click.Context, folder: Path | None, inputs: Path | None, jobs: int | None, **other: Any
 ) -> None:
     """Score methods of cleaning on noisy clips, or a generator of interactions.
 
@@ -35,11 +35,11 @@ def eval(
     from geneoh.files.outputs import refuse_inputs
     from geneoh.workers.pool import cores
 
-    if (asked.pop("generator"), asked.pop("refine"))[0] is not None:
+    if (other.pop("generator"), other.pop("refine"))[0] is not None:
         return evaluations.score_generator(ctx)
-    evaluations.refuse_ignored(asked, inputs)
-    how = {name: asked.pop(name) for name in ("fresh", "pages")}
-    chosen = evaluations.evaluation_options(**asked)
+    evaluations.refuse_ignored(other, inputs)
+    how = {name: other.pop(name) for name in ("fresh", "pages")}
+    chosen = evaluations.evaluation_options(**other)
     if inputs is not None:
         read = (chosen.noisy_inputs, *chosen.predictions)
         refuse_inputs(inputs, inputs.resolve(), [path for path in read if path is not None])

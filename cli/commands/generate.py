@@ -120,10 +120,10 @@ def generate(
 
     meshes = meshes_of(obj, unit)
     own = {name: value for name, value in chosen.items() if name not in bodies.FOR_BODIES}
-    asked = GenerateOptions(up=own.pop("up") or "z", **own)
+    settings = GenerateOptions(up=own.pop("up") or "z", **own)
     words = prompt_text(sentence)
     with progress.progress_bars() as on_progress:
-        made = generate(words, meshes, asked, joint=joint, on_progress=on_progress)
+        made = generate(words, meshes, settings, joint=joint, on_progress=on_progress)
     save_generated(made, output)
     for line in reports.generated(made, output):
         click.echo(line)

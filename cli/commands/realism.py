@@ -24,7 +24,7 @@ def realism(
     mano: Path | None,
     output: Path | None,
     overwrite: bool,
-    **asked: Any,
+    **reading: Any,
 ) -> None:
     """Compare what `geneoh synthesize` made with a real RECORDING.
 
@@ -43,8 +43,8 @@ def realism(
     if output is not None:
         read = [recording, *obj, data]
         check_outputs([output], endings=(".json",), inputs=read, overwrite=overwrite)
-    augmented = asked.pop("augmented")
-    sequence = geneoh.load(recording, obj=obj, mano_dir=mano, **asked)
+    augmented = reading.pop("augmented")
+    sequence = geneoh.load(recording, obj=obj, mano_dir=mano, **reading)
     report = measure_realism(sequence, data, augmented=augmented)
     for line in table(report):
         click.echo(line)

@@ -53,12 +53,12 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
         InputError: a result cannot be written, as on a full disk; this concerns all clips.
         CheckpointError: weights are missing or damaged; this concerns all clips.
     """
-    with told_in_results():
+    with without_warnings():
         try:
             if clip.problem:
                 raise GeneOHError(clip.problem)
-            asked = {**batch.reading, **clip.reading}.values()
-            read = [each for each in asked if isinstance(each, Path) and each.is_file()]
+            reading = {**batch.reading, **clip.reading}.values()
+            read = [each for each in reading if isinstance(each, Path) and each.is_file()]
             inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
             made = list(_cleaned(clip, batch))
         except CheckpointError:
@@ -79,7 +79,7 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
 
 
 @contextmanager
-def told_in_results() -> Iterator[None]:
+def without_warnings() -> Iterator[None]:
     """Silence warnings about single clips, because the summary reports them."""
     log = logging.getLogger("geneoh")
     before = log.level

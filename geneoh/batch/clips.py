@@ -106,10 +106,10 @@ def _distinct(found: list[BatchClip]) -> list[BatchClip]:
         return repr(replace(clip, name="", path=path, is_named=False))
 
     works = list(map(work_of, found))
-    told = {work for clip, work in zip(found, works, strict=True) if clip.is_named}
+    named = {work for clip, work in zip(found, works, strict=True) if clip.is_named}
     once: dict[tuple[str, str], BatchClip] = {}
     for clip, work in zip(found, works, strict=True):
-        if clip.is_named or work not in told:
+        if clip.is_named or work not in named:
             once.setdefault((clip.name if clip.is_named else "", work), clip)
     kept = Counter(clip.name for clip in once.values() if clip.is_named)
     if twice := [name for name, count in kept.items() if count > 1]:
@@ -246,8 +246,8 @@ def clips_of_row(
     if name and len(clips) > 1:
         raise InputError(f"{where}: 'name' is for one clip, got {len(clips)}; leave it empty")
     for clip in clips:
-        asked = replace(clip, meshes=meshes, settings=settings, reading=reading)
-        yield replace(asked, name=name, is_named=True) if name else asked
+        complete = replace(clip, meshes=meshes, settings=settings, reading=reading)
+        yield replace(complete, name=name, is_named=True) if name else complete
 
 
 def listed(text: str) -> list[str]:

@@ -44,8 +44,8 @@ def _as_csv(rows: list[dict[str, Any]]) -> str:
     lines: list[list[Any]] = [[*PLAIN, *both, "notes", "failed"]]
     for row in rows:
         values = [row.get(when, {}).get(name) for name in MEASURES for when in ("before", "after")]
-        told = "; ".join(row.get("notes", ()))
-        lines.append([*(row.get(name) for name in PLAIN), *values, told, row.get("failed")])
+        notes = "; ".join(row.get("notes", ()))
+        lines.append([*(row.get(name) for name in PLAIN), *values, notes, row.get("failed")])
     return csv_text(lines)
 
 

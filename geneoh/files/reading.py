@@ -45,8 +45,8 @@ describe them in a message."""
 
 def reason(error: Exception) -> str:
     """The text of an error of `DAMAGE`, shortened, with its type unless that is ValueError."""
-    said = " ".join(str(error).split())[:100]
-    return said if type(error) is ValueError else f"{type(error).__name__}: {said}"
+    text = " ".join(str(error).split())[:100]
+    return text if type(error) is ValueError else f"{type(error).__name__}: {text}"
 
 
 def byte_budget() -> int:

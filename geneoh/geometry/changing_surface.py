@@ -38,12 +38,12 @@ class ChangingSurface(Bundle):
         boxed = ((points >= low) & (points <= high)).all(-1)
         for frame in torch.nonzero(boxed.movedim(-2, 0).flatten(1).any(1))[:, 0].tolist():
             mesh = Mesh(self.verts[frame], self.faces)
-            asked = points[..., frame, :, :].double().cpu().numpy()
+            queries = points[..., frame, :, :].double().cpu().numpy()
             inside = boxed[..., frame, :].cpu().numpy()
-            inside[inside] = winding_inside(winding_of(mesh), asked[inside])
+            inside[inside] = winding_inside(winding_of(mesh), queries[inside])
             if not inside.any():
                 continue
-            found = SearchTree(mesh).nearest(asked[inside])[2]
+            found = SearchTree(mesh).nearest(queries[inside])[2]
             at, ends = torch.from_numpy(inside).to(points.device), torch.from_numpy(found)
             away = ends.to(points) - points[..., frame, :, :][at]
             distance[..., frame, :][at] = -away.norm(dim=-1)

@@ -110,7 +110,7 @@ class SurfaceDistance:
         self._normals = self.solid.surface.face_normals()
         self._on_devices: dict[torch.device, Any] = {}
         self._coarse: CoarseDistance | None = None
-        self._asked = 0  # points so far that a grid could have answered
+        self._queried = 0  # points so far that a grid could have answered
 
     def query(self, points: Float[Tensor, "*B P 3"], within: float | None = None) -> SurfaceQuery:
         """Signed distance, closest point and normal of each point, without gradients.
@@ -165,13 +165,13 @@ class SurfaceDistance:
         reach, face = self.tree.exits(points, direction)
         return reach, self._normals[face].to(points)
 
-    def _coarse_distance(self, asked: int) -> CoarseDistance | None:
+    def _coarse_distance(self, count: int) -> CoarseDistance | None:
         """The grid of coarse distances; None until so many queries were made that it pays off.
 
         Always None for a mesh with holes, where the sign changes away from the surface.
         """
-        self._asked += asked
-        if self._coarse is None and self._asked > CELLS and self.solid.closed:
+        self._queried += count
+        if self._coarse is None and self._queried > CELLS and self.solid.closed:
             self._coarse = CoarseDistance.around(self.solid.low, self.solid.high, self._exact)
         return self._coarse
 

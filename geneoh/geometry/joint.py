@@ -39,17 +39,17 @@ class Joint:
             InputError: the text has another form, the axis is zero, or the range is no positive
                 number or too large.
         """
-        kind, *told = text.strip().split(":")
+        kind, *fields = text.strip().split(":")
         points = {"hinge": 2, "slide": 1}.get(kind, 0)
-        if not points or len(told) not in (points, points + 1):
+        if not points or len(fields) not in (points, points + 1):
             raise InputError(f"joint '{text:.80}': expected {FORM}; write it so")
-        *places, axis = (_three(text, each) for each in told[:points])
+        *places, axis = (_three(text, each) for each in fields[:points])
         if not any(axis):
             raise InputError(
                 f"joint '{text:.80}': expected an axis with a direction, got zeros; name the "
                 f"direction in which the part {'slides' if kind == 'slide' else 'turns'}"
             )
-        most = _range(text, kind, told[points]) if len(told) > points else None
+        most = _range(text, kind, fields[points]) if len(fields) > points else None
         direction = torch.nn.functional.normalize(torch.tensor(axis, dtype=torch.float64), dim=0)
         pivot = torch.tensor(places[0] if places else (0.0, 0.0, 0.0))
         return cls(direction.float(), pivot, kind == "slide", most)
@@ -63,9 +63,9 @@ class Joint:
         """The joint as a text for `read`, in four decimals."""
         places = [self.axis] if self.slides else [self.pivot, self.axis]
         words = [self.kind, *(",".join(f"{round(float(v), 4) + 0.0:g}" for v in p) for p in places)]
-        return ":".join(words + ([] if self.most is None else [self.said(self.most)]))
+        return ":".join(words + ([] if self.most is None else [self.in_unit(self.most)]))
 
-    def said(self, state: float) -> str:
+    def in_unit(self, state: float) -> str:
         """A state in degrees or centimetres, without the unit."""
         return f"{state / UNITS[self.kind]:.3g}"
 

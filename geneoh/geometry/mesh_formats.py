@@ -81,7 +81,7 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
     plain = data
     if data.startswith(codecs.BOM_UTF8) or is_unusual(data) or BACKWARD.search(data):
         text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        plain = UNUSUAL.sub(told_plainly, text.replace(b"\\\n", b" "))
+        plain = UNUSUAL.sub(plain_line, text.replace(b"\\\n", b" "))
     if ZERO.search(plain):
         raise InputError(
             f"{path}: faces of an OBJ must count points from 1, got a point 0; add 1 to each"
@@ -109,7 +109,7 @@ def is_unusual(data: bytes) -> bool:
     return bool(UNUSUAL.search(data if marked else heading + b"\n"))
 
 
-def told_plainly(line: re.Match[bytes]) -> bytes:
+def plain_line(line: re.Match[bytes]) -> bytes:
     """A line without comment, tabs and indentation, which trimesh does not read."""
     return line[0].partition(b"#")[0].replace(b"\t", b" ").lstrip()
 
@@ -180,12 +180,12 @@ def refuse_cut_off(path: Path, scene: "trimesh.Scene") -> None:
         refuse_fewer(path, len(lines), sum(map(int, counts[:2])), "line")
 
 
-def refuse_fewer(path: Path, found: int, said: int, name: str) -> None:
+def refuse_fewer(path: Path, found: int, declared: int, name: str) -> None:
     """Refuse a file that holds fewer elements of a kind than it declares."""
-    if found < said:
+    if found < declared:
         raise InputError(
-            f"{path}: the file breaks off, it says {said} as its number of '{name}', got {found}; "
-            "copy or export it again"
+            f"{path}: the file breaks off, it says {declared} as its number of '{name}', got "
+            f"{found}; copy or export it again"
         )
 
 

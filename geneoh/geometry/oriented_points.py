@@ -34,17 +34,17 @@ def signed_to_points(
     nearest = list(range(1, min(CANDIDATES, points.shape[1]) + 1))
     for i, tree in enumerate(map(KDTree, places.numpy())):
         # scipy takes a list of ranks, but its type stubs do not
-        asked = tree.query(queries[i].numpy(), nearest, distance_upper_bound=within)  # pyright: ignore
-        apart, near = map(torch.from_numpy, asked)
+        neighbours = tree.query(queries[i].numpy(), nearest, distance_upper_bound=within)  # pyright: ignore
+        apart, near = map(torch.from_numpy, neighbours)
         found = torch.nonzero(apart[:, 0].isfinite())[:, 0]
         apart, near = apart[found], near[found]
         near = torch.where(apart <= apart[:, :1] + WINDOW * spacing[i], near, near[:, :1])
-        off = queries[i, found, None] - places[i, near]
-        along, best = (off * outward[i, near]).sum(-1).max(1)
-        off = off[torch.arange(len(best)), best].norm(dim=-1)
-        aside = (off.square() - along.square()).clamp(min=0).sqrt()
+        offset = queries[i, found, None] - places[i, near]
+        along, best = (offset * outward[i, near]).sum(-1).max(1)
+        offset = offset[torch.arange(len(best)), best].norm(dim=-1)
+        aside = (offset.square() - along.square()).clamp(min=0).sqrt()
         beside = aside > torch.maximum(along.abs(), ASIDE * spacing[i])
-        distance[i, found] = torch.where(beside, off, along)
+        distance[i, found] = torch.where(beside, offset, along)
         index[i, found] = near.gather(1, best[:, None])[:, 0]
     return distance.to(query), index.to(query.device)
 

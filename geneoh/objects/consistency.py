@@ -103,11 +103,11 @@ def possible_places(
         apart = frame - earlier
         moved = places[frame] - places[earlier]
         ahead = moved - rate[earlier] * apart[:, None]
-        off = np.minimum(np.linalg.norm(moved, axis=1), np.linalg.norm(ahead, axis=1))
+        deviation = np.minimum(np.linalg.norm(moved, axis=1), np.linalg.norm(ahead, axis=1))
         reach = np.where(chains.before[earlier] < 0, at_start, limit) * np.sqrt(apart)
-        best = chains.extend(frame, off, reach)
+        best = chains.extend(frame, deviation, reach)
         if best is not None:
-            rate[frame] = moved[best] / apart[best] if off[best] < reach[best] else 0
+            rate[frame] = moved[best] / apart[best] if deviation[best] < reach[best] else 0
     return chains.longest()
 
 
@@ -135,20 +135,20 @@ class Chains:
     def extend(
         self,
         frame: int,
-        off: Float64[np.ndarray, " N"],
+        deviation: Float64[np.ndarray, " N"],
         reach: Float64[np.ndarray, " N"],
         changed: Bool[np.ndarray, " N"] | bool = False,
     ) -> int | None:
         """Append a frame to the best earlier chain, if that is better than to start a new one.
 
-        `off` is the deviation from the prediction after each earlier frame, a jump from `reach` on;
+        `deviation` is that from the prediction after each earlier frame, a jump from `reach` on;
         `changed` is whether the symmetry rotation changes. Returns the index among the earlier
         frames; None if a new chain starts.
         """
         earlier = self.earlier(frame)
         worth = self.value[earlier] + 1 - SKIPPED * (frame - earlier - 1)
         worth -= USED_SYMMETRY * np.asarray(changed)
-        worth -= np.where(off < reach, TURNED * off / self.limit, self.lasting / 2)
+        worth -= np.where(deviation < reach, TURNED * deviation / self.limit, self.lasting / 2)
         best = int(worth.argmax())
         if worth[best] <= self.value[frame]:
             return None

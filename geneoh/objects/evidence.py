@@ -66,11 +66,11 @@ def evidence_of_poses(
     examined: ObjectExamination,
     motion: ObjectTrack,
     fps: float,
-    off: Float[Tensor, "T Q"] | None = None,
+    error: Float[Tensor, "T Q"] | None = None,
 ) -> Float[Tensor, "T Q"]:
     """Reliability, 0 to 1, of each pose of an examined track; 1 if a part is exact or never seen.
 
-    `motion` is the track after cleaning, and `off` the expected error of poses by other causes than
+    `motion` is the track after cleaning, and `error` the expected one of poses by other causes than
     noise, metres."""
     found = torch.ones_like(examined.confidence)
     lost = examined.confidence == 0
@@ -92,7 +92,7 @@ def evidence_of_poses(
         relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED_FRAMES))
         relied = gaussian_filter1d(relied, FADE_FRAMES * fps / 30, mode="nearest")
         found[:, part] = torch.from_numpy(relied).to(found)
-    return found if off is None else found / (1 + (off / TOLERATED).square())
+    return found if error is None else found / (1 + (error / TOLERATED).square())
 
 
 def evidence_at_hand(
@@ -184,8 +184,8 @@ def touching(
     frames = (2 * math.pi) ** 0.5 * TOUCH_FRAMES * fps / 30
     mean = frames * around(moves * nearest) / (frames * around(moves) + UNPROVEN_FRAMES * fps / 30)
     least = minimum_filter1d(nearest, 2 * round(TOUCH_FRAMES * fps / 30) + 1, mode="nearest")
-    off = torch.from_numpy(np.maximum(mean, least))
-    return share_between(off, TOUCHING, NOT_TOUCHING).to(joints)
+    distance = torch.from_numpy(np.maximum(mean, least))
+    return share_between(distance, TOUCHING, NOT_TOUCHING).to(joints)
 
 
 def gripping(

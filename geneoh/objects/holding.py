@@ -147,8 +147,8 @@ def usual_grip(
     turn, place = sound.mean(), np.median(places[known], axis=0)
     usual, apart = np.square(noise), np.zeros(len(places))
     for _ in range(REWEIGHTINGS):
-        off = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
-        squares = np.square(off).mean(2)
+        residuals = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
+        squares = np.square(residuals).mean(2)
         usual = np.maximum(np.median(squares[:, known], axis=1) / CHI3_SHARE, np.square(noise))
         apart = (squares / usual[:, None]).mean(0) / GRIP_OUTLIER
         weight = known * (1 + apart) ** -2

@@ -84,8 +84,8 @@ def refine_part(
         max(float(examined.rotation_noise[part]), EXACT_ROTATION / 4),
         max(float(examined.translation_noise[part]), EXACT_TRANSLATION / 4),
     )
-    off = np.square(seen[1] - first[1]).sum(1) / noise[1] ** 2
-    weights = confidence, ~lost * (FREEDOM + 3) / (FREEDOM + off)
+    squared = np.square(seen[1] - first[1]).sum(1) / noise[1] ** 2
+    weights = confidence, ~lost * (FREEDOM + 3) / (FREEDOM + squared)
     known = confidence > 0
     turned = path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
     shakes = (noise[0] > EXACT_ROTATION, turned), (noise[1] > EXACT_TRANSLATION, seen[1])

@@ -39,7 +39,7 @@ class Sharpened:
 
     hands: tuple[HandTrack, ...]
     object: ObjectTrack
-    off: Float[Tensor, "T Q"]
+    error: Float[Tensor, "T Q"]
     """Expected remaining error of each pose of the object, metres."""
     notes: tuple[str, ...]
     """Sentences for the user."""
@@ -71,14 +71,14 @@ def sharpened(
         other, palm, found = sharpened_hand(hand, palm, motion, parts, fps)
         sharp.append(other)
         moved.append(palm)
-        notes += [] if found is None else [of_hand(hand, found)]
-    off = torch.zeros_like(examined.confidence)
+        notes += [] if found is None else [hand_note(hand, found)]
+    error = torch.zeros_like(examined.confidence)
     for part in parts:
-        told = (delay for palm, delay in late if compared(motion, part, palm, fps))
-        motion, left, said = sharpened_part(motion, part, moved, fps, next(told, None))
-        off[:, part] = left.to(off)
-        notes += said
-    return Sharpened(tuple(sharp), motion, off, tuple(notes))
+        known = (delay for palm, delay in late if compared(motion, part, palm, fps))
+        motion, left, words = sharpened_part(motion, part, moved, fps, next(known, None))
+        error[:, part] = left.to(error)
+        notes += words
+    return Sharpened(tuple(sharp), motion, error, tuple(notes))
 
 
 def only_late(
@@ -125,14 +125,14 @@ def sharpened_part(
     late = late or (seen and seen.delay)
     if late is not None:
         other = without_filter_of_part(motion, part, late, fps)
-        return motion, moved_by(motion, other, part, fps), [out_of_time(name, late, fps)]
+        return motion, moved_by(motion, other, part, fps), [delay_note(name, late, fps)]
     for _ in range(FILTER_ROUNDS):
         if seen is None or (found := seen.filter_of_part) is None:
             break
         motion, whole = without_filter_of_part(motion, part, found, fps), whole + found
         seen = best(motion)
     left = REMAINING_SHARE * moved_by(given, motion, part, fps)
-    return motion, left, [] if motion is given else [of_part(name, whole)]
+    return motion, left, [] if motion is given else [part_note(name, whole)]
 
 
 def without_filter_of_part(
@@ -165,7 +165,7 @@ def moved_by(one: ObjectTrack, other: ObjectTrack, part: int, fps: float) -> Flo
     return torch.from_numpy(np.sqrt(around)).to(one.rotation)
 
 
-def of_part(name: str, found: LowPass) -> str:
+def part_note(name: str, found: LowPass) -> str:
     """Sentence for the user about a part whose filter was undone."""
     return (
         f"the poses of {name} are smoother than the hand that moves it, {found}: the hand was "
@@ -174,7 +174,7 @@ def of_part(name: str, found: LowPass) -> str:
     )
 
 
-def of_hand(hand: HandTrack, found: LowPass) -> str:
+def hand_note(hand: HandTrack, found: LowPass) -> str:
     """Sentence for the user about a hand whose filter was undone."""
     return (
         f"the {hand.side} hand is smoother than the object that it moves, {found}, which was "
@@ -182,7 +182,7 @@ def of_hand(hand: HandTrack, found: LowPass) -> str:
     )
 
 
-def out_of_time(name: str, found: LowPass, fps: float) -> str:
+def delay_note(name: str, found: LowPass, fps: float) -> str:
     """Sentence for the user about a delay between hand and part, which either may have."""
     late = "late" if found.delay > 0 else "early"
     return (

@@ -103,10 +103,10 @@ def smooth_points(
 
 
 def _weights(
-    off: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
+    residuals: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
 ) -> Float64[np.ndarray, " T"]:
-    """Weights of frames by Student's t, from their residuals `off`."""
-    return trusted * (FREEDOM + 3) / (FREEDOM + np.square(off).sum(1) / noise**2)
+    """Weights of frames by Student's t."""
+    return trusted * (FREEDOM + 3) / (FREEDOM + np.square(residuals).sum(1) / noise**2)
 
 
 def _solve(
@@ -140,8 +140,8 @@ def smooth_rotations(
     weight = trusted.astype(float)
     for _ in range(ROTATION_ROUNDS):
         path = path_of(track)
-        off = (track.inv() * observed).as_rotvec()
-        smooth, weight = smooth_points(path + off, trusted, noise)
+        residuals = (track.inv() * observed).as_rotvec()
+        smooth, weight = smooth_points(path + residuals, trusted, noise)
         step = smooth - path
         track = track * Rotation.from_rotvec(step)
         if np.abs(step).max() < 1e-4:

@@ -254,8 +254,8 @@ def moving_objects(motions: Mapping[str, Array]) -> list[str]:
     known = {name: places for name, places in known.items() if len(places)}
 
     def leaves(places: Array) -> bool:
-        off = np.linalg.norm(places - np.median(places, axis=0), axis=1)
-        return bool(off.max() > MOVED_DISTANCE)
+        distance = np.linalg.norm(places - np.median(places, axis=0), axis=1)
+        return bool(distance.max() > MOVED_DISTANCE)
 
     return [name for name, places in known.items() if leaves(places)] or list(known)
 

@@ -55,7 +55,7 @@ class Clock:
     """(T,) times since the first frame, in frames: steps of about 1 where none was dropped."""
     fps: float | None
     """Rate of the evenly spaced frames; None where the clock comes from frame numbers."""
-    told: Array
+    values: Array
     """(T,) the file's own values: seconds, or frame numbers."""
     stride: float = 1.0
     """Usual step from one frame number to the next."""
@@ -88,17 +88,17 @@ class Clock:
     @property
     def notes(self) -> Notes:
         """Notes for the user on dropped or uneven frames."""
-        said, seen = [], self.observed
+        notes, seen = [], self.observed
         if lost := int((~seen).sum()):
-            said.append(f"{lost} of {len(seen)} frames are left out by '{self.name}'")
+            notes.append(f"{lost} of {len(seen)} frames are left out by '{self.name}'")
         if self.instants is self.at:
-            said.append(f"the frames are not even by '{self.name}' and were interpolated")
+            notes.append(f"the frames are not even by '{self.name}' and were interpolated")
         if self.stride != 1:
-            said.append(
+            notes.append(
                 f"by '{self.name}' the file holds one frame in {self.stride:g}, and the frame rate "
                 "counts all of them"
             )
-        return tuple(said)
+        return tuple(notes)
 
     def even(self, sequence: Sequence) -> tuple[Sequence, Array]:
         """The sequence resampled to `grid`, NaN where unobserved, and the nearest old frames."""
@@ -144,10 +144,10 @@ def timing_of(
     """Frame rate by file or caller, the clock if the file has one, and notes for the user."""
     record = replace(record, values=dict(record.values) | dates_in(record))
     stored = record.optional_number("fps", "save it as fps=30.0")
-    said = given if stored is None else stored
-    clock = clock_of(record, frames, said)
+    known = given if stored is None else stored
+    clock = clock_of(record, frames, known)
     about = unread_times(record, frames) if clock is None else clock.notes
-    if said is None and clock is not None and clock.fps is not None:
+    if known is None and clock is not None and clock.fps is not None:
         return clock.fps, clock, about
     rate, notes = rate_of(stored, given, record.where)
     if clock is not None:
@@ -165,13 +165,13 @@ def dates_in(record: Record) -> dict[str, Array]:
     return found
 
 
-def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
-    """The clock from a file's timestamps or else frame numbers; `said` is the known frame rate."""
+def clock_of(record: Record, frames: int, known: float | None) -> Clock | None:
+    """The clock from a file's timestamps or else frame numbers; `known` is the known frame rate."""
     columns = (name for name in CLOCK_NAMES if is_column(record.values.get(name), frames))
     name = next(columns, None) if frames > 1 else None
     if name is None:
         return None
-    clock = clock_from(record, name, said)
+    clock = clock_from(record, name, known)
     if not clock.at[-1] < MOST_FRAMES:
         expected = f"less than {MOST_FRAMES} frames from first to last"
         raise record.refuse(name, expected, "cut the recording")
@@ -199,8 +199,8 @@ def is_column(value: Any, frames: int) -> bool:
     return isinstance(value, Array) and value.shape == (frames,) and value.dtype.kind in "fiu"
 
 
-def clock_from(record: Record, name: str, said: float | None) -> Clock:
-    """The clock from one field, whose values must increase; `said` is the known frame rate."""
+def clock_from(record: Record, name: str, known: float | None) -> Clock:
+    """The clock from one field, whose values must increase; `known` is the known frame rate."""
     values = record.numbers(name)
     if len(wrong := np.flatnonzero(~(np.diff(values) > 0) | ~np.isfinite(values[1:]))):
         before, after = (f"{value:.15g}" for value in values[wrong[0] : wrong[0] + 2])
@@ -208,12 +208,12 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
             f"{record.where}: '{name}' must be numbers that rise from frame to frame, got {after} "
             f"after {before} in frame {wrong[0] + 1}; {remedy_of(record, name)}"
         )
-    told, values = values, values - values[0]
+    stored, values = values, values - values[0]
     if name in TIME_NAMES:
         unit = seconds_of(record, name, np.diff(values))
-        return replace(clock_of_times(record, name, values * unit, said), told=told * unit)
+        return replace(clock_of_times(record, name, values * unit, known), values=stored * unit)
     stride, _ = usual_step(values)
-    return Clock(name, values / stride, None, told, stride)
+    return Clock(name, values / stride, None, stored, stride)
 
 
 def remedy_of(record: Record, name: str) -> str:
@@ -229,29 +229,30 @@ def remedy_of(record: Record, name: str) -> str:
     )
 
 
-def clock_of_times(record: Record, name: str, seconds: Array, said: float | None) -> Clock:
-    """The clock of (T,) seconds from the first frame; `InputError` if the rate `said` differs."""
+def clock_of_times(record: Record, name: str, seconds: Array, rate: float | None) -> Clock:
+    """The clock of (T,) seconds from the first frame; `InputError` if the known `rate` differs."""
     step, multiples = usual_step(seconds)
     own = float(round(1 / step)) if abs(round(1 / step) * step - 1) < SAME_RATE else 1 / step
-    said = own if said is None else said
-    off = abs(said / own - 1)
-    if off >= SAME_RATE and not may_be_rate(seconds, said, multiples):
-        if not (multiples and off < OTHER_RATE):
+    rate = own if rate is None else rate
+    difference = abs(rate / own - 1)
+    if difference >= SAME_RATE and not may_be_rate(seconds, rate, multiples):
+        if not (multiples and difference < OTHER_RATE):
             raise InputError(
-                f"{record.where}: '{name}' says {own:.4g} frames a second, got {said:g} as the "
+                f"{record.where}: '{name}' says {own:.4g} frames a second, got {rate:g} as the "
                 "frame rate; drop the wrong one of the two"
             )
-        said = own
-    at = seconds / step if multiples and (said == own or off < SAME_RATE) else seconds * said
-    return Clock(name, at, said, seconds)
+        rate = own
+    at = seconds / step if multiples and (rate == own or difference < SAME_RATE) else seconds * rate
+    return Clock(name, at, rate, seconds)
 
 
 def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
     """Whether (T,) seconds may be uneven frames of `rate`; `multiples` of another step must also
     lie near whole frames of it."""
     frames = seconds * rate
-    usual, off = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
-    return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and (not multiples or bool(off < 2 * EVEN))
+    usual, misfit = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
+    near = not multiples or bool(misfit < 2 * EVEN)
+    return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and near
 
 
 def seconds_of(record: Record, name: str, steps: Array) -> float:
@@ -277,7 +278,7 @@ def usual_step(values: Array) -> tuple[float, bool]:
         for _ in range(3):  # refined, because a quantile of uneven steps may be too short
             step = float(steps.sum() / np.rint(steps / step).clip(min=1).sum())
         found.append((float(np.abs(values / step - np.rint(values / step)).mean()), step))
-    off, step = min(found)
-    if off < EVEN:
+    misfit, step = min(found)
+    if misfit < EVEN:
         return step, True
     return float(steps[steps <= GAP_FRAMES * np.median(steps)].mean()), False

@@ -90,8 +90,8 @@ def coordinate_in(name: str) -> Coordinate | None:
     # a lone R is the right side at the start of a name, and a frame of reference at its end
     is_turn = axis == "w" or bool(marks & OF_TURNS - {"r"}) or mark == "r"
     is_marked = is_turn or bool(marks & OF_PLACES)
-    said = (OF_TURNS - {"r"}) | OF_PLACES
-    return Coordinate(is_turn, axis, tuple(w for w in words if w not in said), is_marked)
+    marked = (OF_TURNS - {"r"}) | OF_PLACES
+    return Coordinate(is_turn, axis, tuple(w for w in words if w not in marked), is_marked)
 
 
 def side_in(words: Iterable[str]) -> Side | None:

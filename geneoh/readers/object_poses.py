@@ -54,7 +54,7 @@ class ObjectPoses:
             InputError: the times do not overlap, or the number of poses fits none of these cases.
         """
         if self.times is not None and clock is not None and clock.is_of_times:
-            return self.at_times(clock.told, where)
+            return self.at_times(clock.values, where)
         if len(self.matrices) == frames:
             about = "the object's poses have times and the hand none: taken one for each frame"
             return self.matrices, () if self.times is None else (about,)
@@ -63,7 +63,7 @@ class ObjectPoses:
             return np.repeat(self.matrices, frames, axis=0), (about,)
         rows = first - self.first + np.arange(frames)
         if clock is not None and not clock.is_of_times:
-            rows = np.rint(clock.told).astype(int) - self.first
+            rows = np.rint(clock.values).astype(int) - self.first
         if (first or rows[-1] >= frames) and rows[0] >= 0 and rows[-1] < len(self.matrices):
             first, last = rows[[0, -1]] + self.first
             words = f"of the object's {len(self.matrices)} poses those of frames {first} to {last}"
@@ -114,9 +114,11 @@ def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
         return result
     after = np.searchsorted(times, seconds).clip(max=len(times) - 1)
     before = (np.searchsorted(times, seconds, "right") - 1).clip(min=0)
-    off = np.minimum(np.abs(times[after] - seconds), np.abs(times[before] - seconds))
+    apart = np.minimum(np.abs(times[after] - seconds), np.abs(times[before] - seconds))
     between = (times[before] <= seconds) & (seconds <= times[after])
-    seen = (off <= EVEN * usual) | (between & (times[after] - times[before] <= GAP_FRAMES * usual))
+    seen = (apart <= EVEN * usual) | (
+        between & (times[after] - times[before] <= GAP_FRAMES * usual)
+    )
     at = seconds[seen].clip(times[0], times[-1])
     turns = Rotation.from_matrix(poses[:, :3, :3])
     result[seen, :3, :3] = (Slerp(times, turns)(at) if len(times) > 1 else turns).as_matrix()

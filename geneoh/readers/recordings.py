@@ -157,8 +157,8 @@ def all_recordings(source: Source, clip: SourceClip, options: ReaderOptions) -> 
 
 def chosen(found: list[Recording], clip: SourceClip, options: ReaderOptions) -> list[Recording]:
     """Recordings of a clip with the caller's choices kept; `InputError` where none of them fits."""
-    asked = [recording for recording in found if options.side in sides_of(recording)]
-    return [with_choices(recording, clip, options) for recording in asked or found]
+    of_side = [recording for recording in found if options.side in sides_of(recording)]
+    return [with_choices(recording, clip, options) for recording in of_side or found]
 
 
 def refuse_unused(source: Source, options: ReaderOptions) -> None:

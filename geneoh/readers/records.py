@@ -91,8 +91,8 @@ class Record:
             )
         wanted = " or ".join(map(shown_shape, shapes))
         nested = isinstance(self.values.get(name), list)  # report the shape of lists, too
-        told = replace(self, values={**self.values, name: array}) if nested else self
-        raise told.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
+        shown = replace(self, values={**self.values, name: array}) if nested else self
+        raise shown.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), cure)
 
     def optional_array(self, name: Any, *shapes: Shape, **refusal: str) -> Array | None:
         """As `array`, or None where the field is not there."""
@@ -120,8 +120,8 @@ class Record:
         try:
             array = array_in(value)
             if array.dtype.kind == "O" and isinstance(value, list):
-                told = all(each is None or isinstance(each, int | float) for each in array.flat)
-                array = array.astype(np.float64) if told else array
+                plain = all(each is None or isinstance(each, int | float) for each in array.flat)
+                array = array.astype(np.float64) if plain else array
         except (ValueError, OverflowError):  # rows of several lengths, or huge integers
             cure = "" if self.remedy == AS_DISTRIBUTED else "fill missing rows with NaN"
             raise self.refuse(name, "an array of numbers", cure) from None

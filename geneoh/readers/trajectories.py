@@ -114,7 +114,7 @@ def table_in_text(path: Path) -> Table:
     separator = separator if separator in data[0] else None
     rows = [cells_of(line, separator) for line in data]
     heads = [cells_of(line.lstrip("#% "), separator, ",") for line in lines[:start]]
-    names = next((head for head in reversed(heads) if any(map(is_told, head))), [])
+    names = next((head for head in reversed(heads) if any(map(is_known_column, head))), [])
     widths = {len(row) for row in rows}
     if len(widths) > 1 or (names and {len(names)} != widths):
         got = f"{len(names)} names and " if names else ""
@@ -127,7 +127,7 @@ def table_in_text(path: Path) -> Table:
     return Table(path, names, np.array([[number_in(cell) for cell in row] for row in rows]))
 
 
-def is_told(name: str) -> bool:
+def is_known_column(name: str) -> bool:
     """Whether the name of a column denotes a coordinate, a time or a frame number."""
     return coordinate_in(name) is not None or plain_name(name) in CLOCK_NAMES
 
@@ -213,9 +213,9 @@ def with_bottom_row(matrices: Array) -> Array:
 
 def named_poses(table: Table) -> Array:
     """(T, 4, 4) poses from named columns: translation and quaternion, or a matrix."""
-    said = {name: found for name in table.names if (found := coordinate_in(name))}
-    turn = columns_of({name: at for name, at in said.items() if at.is_turn}, "xyzw")
-    places = {name: at for name, at in said.items() if not at.is_turn}
+    coordinates = {name: found for name in table.names if (found := coordinate_in(name))}
+    turn = columns_of({name: at for name, at in coordinates.items() if at.is_turn}, "xyzw")
+    places = {name: at for name, at in coordinates.items() if not at.is_turn}
     marked = columns_of({name: at for name, at in places.items() if at.is_marked}, "xyz")
     place = marked or columns_of({name: at for name, at in places.items() if not at.of}, "xyz")
     if turn and place:
@@ -245,14 +245,14 @@ def numbers_of_lists(table: Table) -> list[list[int]]:
     found: dict[str, list[int]] = {}
     for at, name in enumerate(table.names):
         label = name.partition("[")[0] if name.endswith("]") else ""
-        if label or not is_told(name):
+        if label or not is_known_column(name):
             found.setdefault(label, []).append(at)
     return list(found.values())
 
 
-def columns_of(said: dict[str, Coordinate], axes: str) -> list[str]:
+def columns_of(coordinates: dict[str, Coordinate], axes: str) -> list[str]:
     """The columns of some axes, in order; none if an axis is missing or occurs twice."""
-    by_axis = {axis: [name for name, at in said.items() if at.axis == axis] for axis in axes}
+    by_axis = {axis: [name for name, at in coordinates.items() if at.axis == axis] for axis in axes}
     names = [name for found in by_axis.values() for name in found]
     return names if all(len(found) == 1 for found in by_axis.values()) else []
 

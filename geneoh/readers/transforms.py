@@ -26,12 +26,12 @@ def rigid_matrices(rotation: Array, translation: Array) -> Array:
 
 def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None = None) -> None:
     """Refuse (T, ..., 4, 4) poses whose last row is not 0 0 0 1; NaN and unknown frames pass."""
-    off = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(-1) > BOTTOM_ROW_TOLERANCE
-    off &= ~np.isnan(poses).any((-1, -2))
+    wrong = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(-1) > BOTTOM_ROW_TOLERANCE
+    wrong &= ~np.isnan(poses).any((-1, -2))
     if known is not None:
-        off[~known] = False
-    if off.any():
-        first = tuple(np.argwhere(off)[0])
+        wrong[~known] = False
+    if wrong.any():
+        first = tuple(np.argwhere(wrong)[0])
         cure = "transpose them if their translation is there"
         if not poses[first].any():
             cure = "write NaN in frames without a pose"

@@ -27,7 +27,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: the unit, frame or object must be wrong."""
     nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
-        readings = other_readings(hand, motion, nearest)
+        readings = interpretations(hand, motion, nearest)
         tried = [(gap, words) for gap, words in readings if gap < FARTHEST_HAND]
         best = min(gap for gap, _ in tried) if tried else 0.0
         remedy = "; or ".join(words for gap, words in tried if gap < best + EQUALLY_NEAR) or (
@@ -40,7 +40,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
         )
 
 
-def other_readings(
+def interpretations(
     hand: HandTrack, motion: ObjectTrack, nearest: float
 ) -> Iterator[tuple[float, str]]:
     """Distance from wrist to object under other interpretations of the numbers, metres, 0 inside,

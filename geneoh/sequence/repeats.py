@@ -32,11 +32,11 @@ def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
     repeats = repeated_poses(motion)
     if not bool(repeats.any()):
         return motion, ()
-    said = tuple(repeats_told(motion, repeats, "taken as missing"))
-    return fill_object(motion, ~repeats), said
+    notes = tuple(repeat_notes(motion, repeats, "taken as missing"))
+    return fill_object(motion, ~repeats), notes
 
 
-def repeats_told(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -> Iterator[str]:
+def repeat_notes(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -> Iterator[str]:
     """Notes for the user about repeated poses, one per part; `cure` ends each of them."""
     for part, count in enumerate(repeats.sum(0).tolist()):
         if count:

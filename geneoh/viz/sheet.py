@@ -170,6 +170,8 @@ def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Pi
             canvas.paste(near, left + BODY_CELL, top + place * (BODY_CELL // 2))
         names = {NAMES[number] for number in clip.gesture[0].tolist()} - {NAMES[0]}
         canvas.write(" + ".join(sorted(names)) or NAMES[0], left + 4, top + BODY_CELL + 2)
-        said = str(clip.joined[0, -1])
-        canvas.write(said[:SENTENCE_LENGTH], left + 4, top + BODY_CELL + 19, size=11, colour=FAINT)
+        sentence = str(clip.joined[0, -1])
+        canvas.write(
+            sentence[:SENTENCE_LENGTH], left + 4, top + BODY_CELL + 19, size=11, colour=FAINT
+        )
     return canvas.picture()

@@ -63,8 +63,8 @@ def on_cluster(
     packed = [pickle.dumps(item) for item in items]  # so that only the nodes unpickle the items
     try:
         process, pipe = started(crew, _serve, address, pickle.dumps(do), packed)
-        while (told := told_by(process, pipe, address)) is not None:
-            number, answer = told
+        while (message := next_message(process, pipe, address)) is not None:
+            number, answer = message
             if isinstance(answer, str):
                 yield lost(items[number], answer)
             else:
@@ -74,10 +74,12 @@ def on_cluster(
         end(crew)
 
 
-def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, bytes | str] | None:
+def next_message(
+    process: BaseProcess, pipe: Connection, address: str
+) -> tuple[int, bytes | str] | None:
     """Index and pickled answer of the next item, or the reason why it failed; None at the end."""
     try:
-        told = pipe.recv()
+        message = pipe.recv()
     except (EOFError, OSError):  # the client died, perhaps in the middle of a message
         process.join(CLEANUP_SECONDS)
         code = process.exitcode
@@ -88,9 +90,9 @@ def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, 
         raise GeneOHError(
             f"--ray {address}: {why} run the same again for what is left: what is done is kept"
         ) from None
-    if isinstance(told, Exception):
-        raise told
-    return told
+    if isinstance(message, Exception):
+        raise message
+    return message
 
 
 def _serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> None:
@@ -105,8 +107,8 @@ def _serve(pipe: Connection, address: str, do: bytes, items: list[bytes]) -> Non
         head = connect_to_cluster(ray, address)
         late.cancel()
         with closing(answers(ray, head, do, items)) as found:
-            for told in found:
-                pipe.send(told)
+            for message in found:
+                pipe.send(message)
         pipe.send(None)
     except GeneOHError as error:
         pipe.send(error)
@@ -131,10 +133,10 @@ def give_up(pipe: Connection, address: str) -> None:
     os._exit(0)
 
 
-def no_cluster(address: str, said: str) -> ConfigError:
-    """The error that no cluster answers, with the reason `said`."""
+def no_cluster(address: str, reason: str) -> ConfigError:
+    """The error that no cluster answers, with the reason `reason`."""
     return ConfigError(
-        f"--ray {address}: no cluster answers ({said}); start one with `ray start --head`, "
+        f"--ray {address}: no cluster answers ({reason}); start one with `ray start --head`, "
         "or pass --ray local"
     )
 
@@ -221,9 +223,9 @@ def answer_behind(ray: Any, head: tuple[str, int], reference: Any) -> bytes | st
     try:
         return ray.get(reference)
     except ray.exceptions.RayTaskError as error:  # raised outside of `answered`
-        said = str(error).strip().splitlines()[-1]
+        reason = str(error).strip().splitlines()[-1]
         raise GeneOHError(
-            f"a node of the cluster cannot do the work ({said}); each needs the same geneoh and "
+            f"a node of the cluster cannot do the work ({reason}); each needs the same geneoh and "
             "the folder in which this command runs"
         ) from error
     except ray.exceptions.RayError as error:

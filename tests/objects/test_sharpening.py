@@ -43,7 +43,7 @@ def test_the_filter_of_an_object_is_undone(kind, share):
     found = sharp(noisy)
     assert found.hands[0].joints.equal(noisy.hands[0].joints)
     assert off(found.object, clean.object) < share * off(noisy.object, clean.object)
-    assert float(found.off.max()) > 0.001
+    assert float(found.error.max()) > 0.001
     assert "smoother than the hand that moves it" in found.notes[0]
 
 
@@ -64,7 +64,7 @@ def test_what_was_not_filtered_stays_as_it_is(noise):
     found = sharp(noisy)
     assert found.object is noisy.object
     assert found.hands[0] is noisy.hands[0]
-    assert not found.off.any()
+    assert not found.error.any()
     assert found.notes == ()
 
 
@@ -72,7 +72,7 @@ def test_an_object_out_of_time_is_relied_on_less_and_the_delay_told():
     noisy = filtered_as(clip_of("mug"), "late 2")
     found = sharp(noisy)
     assert found.object is noisy.object
-    assert float(found.off.max()) > 0.02
+    assert float(found.error.max()) > 0.02
     assert "ms late beside the hand that moves it, and nothing tells which" in found.notes[0]
     assert found.notes[0].endswith("if the object is, --hand-delay -2 brings the hand to it")
 

@@ -71,7 +71,7 @@ def test_a_process_that_ends_while_it_tells_is_told():
     process = get_context("spawn").Process(target=os.getpid)
     process.start()
     with pytest.raises(GeneOHError, match=r"ended with exit code 0; run the same again"):
-        cluster_module.told_by(process, pipe, "local")
+        cluster_module.next_message(process, pipe, "local")
 
 
 @needs_ray

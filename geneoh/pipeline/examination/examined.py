@@ -50,7 +50,7 @@ def examined(hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float) -> E
     motion, examination = clean_object(motion, fps, palms)
     delays = tuple(hand_delay(hand, motion, fps) for hand in hands)
     sharp = sharpened(hands, palms, delays, motion, examination, fps)
-    relied = evidence_of_poses(examination, sharp.object, fps, sharp.off)
+    relied = evidence_of_poses(examination, sharp.object, fps, sharp.error)
     return Examined(
         hands=sharp.hands,
         object=sharp.object,

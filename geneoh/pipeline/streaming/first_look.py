@@ -13,7 +13,7 @@ from geneoh.readers.checks.hands import refuse_other_order
 from geneoh.readers.checks.holding import POSES_REACH
 from geneoh.sequence.distance_check import check_distance, least_distance
 from geneoh.sequence.gaps import fill_object
-from geneoh.sequence.repeats import repeated_poses, repeats_told
+from geneoh.sequence.repeats import repeat_notes, repeated_poses
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 SECONDS = 2.0  # checked duration from the first frame with the hand; delay estimation needs it
@@ -71,7 +71,7 @@ class FirstLook:
             if least_distance(hand, motion) > POSES_REACH:
                 check_distance(hand, motion, where)
             found = (*lost, *doubts(Sequence((hand,), motion, self._fps), where))
-            found += tuple(repeats_told(motion, repeated_poses(motion), REPEATED))
+            found += tuple(repeat_notes(motion, repeated_poses(motion), REPEATED))
         except InputError as error:
             raise InputError(without_options(str(error))) from None
         if self._meshes and not motion.is_seen:

@@ -121,8 +121,8 @@ def unit_of(rest: Float[Tensor, "J 3"], found: dict[str, int]) -> tuple[str, flo
             points = rest[[found[name] for name in chain]]
             length = float((points[1:] - points[:-1]).norm(dim=-1).sum())
             if length > 0:
-                off = {unit: abs(np.log(length * m / typical)) for unit, m in UNITS.items()}
-                unit = min(off, key=lambda name: off[name])
+                misfit = {unit: abs(np.log(length * m / typical)) for unit, m in UNITS.items()}
+                unit = min(misfit, key=lambda name: misfit[name])
                 return unit, UNITS[unit]
     return "m", 1.0
 

@@ -94,8 +94,8 @@ def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
     body = read_body(file, model=model)
     labels, by_frame = texts / "semantic_labels" / f"{name}.txt", {}
     if labels.exists():  # HumanML3D has parts of speech after a #
-        said = (line.partition("#")[0].strip() for line in read_text(labels).splitlines())
-        body = replace(body, sentences=tuple(line for line in said if line))
+        lines = (line.partition("#")[0].strip() for line in read_text(labels).splitlines())
+        body = replace(body, sentences=tuple(line for line in lines if line))
     if (hands := texts / "hand_texts" / f"{name}.json").exists():
         record = as_record(read_json(hands), str(hands))
         by_frame = {int(frame): record.text(frame) for frame in record.values if frame.isdecimal()}

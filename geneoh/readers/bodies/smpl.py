@@ -104,8 +104,8 @@ def _read_clip(
     stored = [record.number(name) for name in RATES if name in record]
     rate, notes = rate_of(stored[0] if stored else layout.fps, fps, record.where)
     motion = BodyMotion(float32(transl) + rest.rest_root, turns)
-    said = record.optional_text(UP)
-    up = up or next((axis for axis in AXES if axis == said), None)
+    stated = record.optional_text(UP)
+    up = up or next((axis for axis in AXES if axis == stated), None)
     motion, up, more = upright_body(motion, rest.skeleton, up, usual=layout.up)
     return checked_body(
         BodyRecording(
@@ -192,10 +192,10 @@ def absolute(record: Record, layout: Layout, fingers: Array | None) -> tuple[Arr
     Relative fingers (`flat_hand_mean=False`) are smplx's default. A file with smplx's names that
     does not state the convention therefore gets a note.
     """
-    said = record.optional_number("flat_hand_mean")
-    if fingers is None or said or (said is None and layout.title != SMPLX):
+    flat = record.optional_number("flat_hand_mean")
+    if fingers is None or flat or (flat is None and layout.title != SMPLX):
         return fingers, ()
-    if said is None:
+    if flat is None:
         return fingers, ("the fingers are taken as absolute; 'flat_hand_mean' says otherwise",)
     return None, (
         "the fingers are relative to a mean pose (flat_hand_mean=False) and were left out; "

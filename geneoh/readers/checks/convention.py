@@ -46,7 +46,7 @@ def contradictions(recording: Recording) -> list[str]:
         found.append(f"units and frames: {error}")
     found += [f"units: {words}" for words in map(size_warning, sequence.object.meshes) if words]
     for hand in sequence.hands:
-        told = (
+        sentences = (
             *check_wrist_position(hand, stored),
             *check_turning_point(hand, stored),
             *check_anatomy(hand),
@@ -54,7 +54,7 @@ def contradictions(recording: Recording) -> list[str]:
             *check_wrist_place(hand, sequence.object),
             *check_holding(hand, sequence.object),
         )
-        found += [f"{hand.side} hand: {words}" for words in told]
+        found += [f"{hand.side} hand: {words}" for words in sentences]
     return [*found, *check_object_placement(stored)]
 
 
@@ -65,7 +65,7 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     """
     about = {hand.side: list(doubts_of(hand, sequence, name)) for hand in sequence.hands}
     exchanged = len(about) == 2 and all(
-        any(words.startswith(HANDEDNESS) for words in told) for told in about.values()
+        any(words.startswith(HANDEDNESS) for words in warnings) for warnings in about.values()
     )
     if exchanged:
         yield (
@@ -73,8 +73,8 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
             "hand is called right and the right one left: exchange the two names; "
             f"or they are {MIRRORED}"
         )
-    for side, told in about.items():
-        for words in told:
+    for side, warnings in about.items():
+        for words in warnings:
             if not (exchanged and words.startswith(HANDEDNESS)):
                 yield f"{side} hand: {words}"
 
@@ -108,14 +108,14 @@ def check_wrist_position(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
     found = stored_keypoints(hand, stored)
     if found is not None and hand.wrist is not None:
         joints, valid = found
-        off = hand.wrist.double().numpy()[valid] - joints[valid, 0]
-        if np.median(np.linalg.norm(off, axis=1)) > stored.tolerance:
-            yield wrist_contradiction(off.mean(0), "the stored keypoints")
+        offset = hand.wrist.double().numpy()[valid] - joints[valid, 0]
+        if np.median(np.linalg.norm(offset, axis=1)) > stored.tolerance:
+            yield wrist_contradiction(offset.mean(0), "the stored keypoints")
 
 
-def wrist_contradiction(off: Array, against: str) -> str:
+def wrist_contradiction(offset: Array, against: str) -> str:
     """The sentence on a constant offset of the wrist, with its probable reason."""
-    j0, length = np.linalg.norm(MEAN_WRIST_OFFSET), np.linalg.norm(off)
+    j0, length = np.linalg.norm(MEAN_WRIST_OFFSET), np.linalg.norm(offset)
     reason = "it is off"
     if abs(length - j0) < J0_SHARE * j0:
         reason = (
@@ -137,8 +137,8 @@ def check_turning_point(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
     system = np.concatenate([turn, np.broadcast_to(np.eye(3), turn.shape)], axis=2).reshape(-1, 6)
     if len(turn) < 3 or np.linalg.cond(system) > LARGEST_CONDITION:
         return
-    off = (rim - hand.wrist.double().numpy())[usable].reshape(-1)
-    shift = np.linalg.lstsq(system, off, rcond=None)[0][3:]
+    offsets = (rim - hand.wrist.double().numpy())[usable].reshape(-1)
+    shift = np.linalg.lstsq(system, offsets, rcond=None)[0][3:]
     if np.linalg.norm(shift) > WRIST_LIMIT:
         yield wrist_contradiction(shift, "where the stored mesh turns about")
 
@@ -169,9 +169,9 @@ def check_object_placement(stored: CrossChecks) -> Iterator[str]:
     both = np.isfinite(points).all((1, 2)) & np.isfinite(own).all((1, 2))
     if not both.any():
         return
-    off = float(np.linalg.norm(points[both] - own[both], axis=-1).mean())
-    if off > POINT_LIMIT:
+    distance = float(np.linalg.norm(points[both] - own[both], axis=-1).mean())
+    if distance > POINT_LIMIT:
         yield (
-            f"placement: the mesh moved by its pose is {1000 * off:.0f} mm from the stored "
+            f"placement: the mesh moved by its pose is {1000 * distance:.0f} mm from the stored "
             "object; its rotation, units or centre are others"
         )

@@ -95,7 +95,7 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
         return
     near = {
         words: in_object(*reading)
-        for words, reading in other_readings(hand.side, wrist, turn, shift).items()
+        for words, reading in interpretations(hand.side, wrist, turn, shift).items()
         if distance_to_ball(reading, motion.meshes[0], steps) < TOUCHING_REACH
     }
     held = in_object(wrist, turn, shift)
@@ -108,8 +108,8 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
         )
         return
     wanders = _scatter(held, steps)
-    told = near.keys() & SCATTERED
-    ways = {words: _scatter(near[words], steps) for words in sorted(told)}
+    tested = near.keys() & SCATTERED
+    ways = {words: _scatter(near[words], steps) for words in sorted(tested)}
     best = min(ways, key=ways.__getitem__, default="")
     if best and wanders > SCATTER and ways[best] < SCATTER_SHARE * wanders:
         yield (
@@ -118,7 +118,7 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
         )
 
 
-def other_readings(side: Side, wrist: Array, turn: Array, shift: Array) -> dict[str, Reading]:
+def interpretations(side: Side, wrist: Array, turn: Array, shift: Array) -> dict[str, Reading]:
     """The same numbers under other conventions, by a description of each."""
     j0, back = mean_wrist_offset(side), turn.transpose(0, 2, 1)
     xyzw = Rotation.from_matrix(turn).as_quat()

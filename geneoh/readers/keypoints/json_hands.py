@@ -64,9 +64,9 @@ def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> 
     `side` is for hands without a side, and `order` is the keypoint order of points in a list.
     """
     frames = _frames_of_columns(value) or frames_in(value)
-    told, _ = _said_of(value, side, 1.0)
-    reader = _Frames(told, Numbering(order, where))
-    tracks, notes = tracks_in(frames, where, told, reader.hands)
+    file_side, _ = _side_and_score(value, side, 1.0)
+    reader = _Frames(file_side, Numbering(order, where))
+    tracks, notes = tracks_in(frames, where, file_side, reader.hands)
     if not tracks:
         return None
     reader.numbering.refuse_unused()
@@ -112,7 +112,7 @@ class _Frames:
             for each in value:
                 yield from self._hands(each, where, side, score, depth + 1)
         elif isinstance(value, dict):
-            label, score = _said_of(value, side, score)
+            label, score = _side_and_score(value, side, score)
             for part, of in self._parts(value, where, label):
                 yield from self._hands(part, where, of, score, depth + 1)
 
@@ -206,8 +206,8 @@ def _called(value: Any) -> dict[str, Any]:
 def _name_of(point: Any, number: str) -> str:
     """The name in a point's fields, else its number in the list."""
     fields = _called(point)
-    said = (fields[name] for name in POINT_NAMES if name in fields)
-    return next((name for name in said if isinstance(name, str)), number)
+    names = (fields[name] for name in POINT_NAMES if name in fields)
+    return next((name for name in names if isinstance(name, str)), number)
 
 
 def _place_of(point: Any) -> Array | None:
@@ -259,11 +259,11 @@ def _side_of(name: str) -> Side | None:
     return side_in(words) if len(words) == 1 and min(words, key=len) not in ("l", "r") else None
 
 
-def _said_of(value: Any, side: Side | None, score: float) -> tuple[Side | None, float]:
+def _side_and_score(value: Any, side: Side | None, score: float) -> tuple[Side | None, float]:
     """The side and the score in a dict's fields, else those of the enclosing value."""
     fields = _called(value)
     labels = [label_of(fields[name]) for name in SIDES_OF_HANDS if name in fields]
-    side, score = next((said for said in labels if said[0] is not None), (side, score))
+    side, score = next((label for label in labels if label[0] is not None), (side, score))
     for sure in (fields[name] for name in SCORES if name in fields):
         if isinstance(sure, float | int) and 0 < sure <= 1:
             return side, float(sure)

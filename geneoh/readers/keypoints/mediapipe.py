@@ -130,10 +130,10 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     listed = next((name for name in LISTS if name in beside), None)
     stamps = {n: beside[n] for n in ("fps", *CLOCK_NAMES) if n in beside and n != listed}
     dicts = [frame if isinstance(frame, dict) else {} for frame in frames]
-    told = [{"_".join(words_of(str(n))): each for n, each in frame.items()} for frame in dicts]
+    named = [{"_".join(words_of(str(n))): each for n, each in frame.items()} for frame in dicts]
     for name in CLOCK_NAMES:
-        if any(fields.get(name) is not None for fields in told):
-            stamps[name] = [fields.get(name) for fields in told]
+        if any(fields.get(name) is not None for fields in named):
+            stamps[name] = [fields.get(name) for fields in named]
     return Record(where, stamps, "correct it, or leave it out")
 
 
@@ -156,7 +156,7 @@ def tracks_in(
         hands = hands_of(frame, f"{where}: frame {index}")
         most = max(most, len(hands))
         if len(hands) == 2 and hands[0].side == hands[1].side and hands[0].side is not None:
-            hands, alike = _told_apart(hands, latest), alike + 1
+            hands, alike = _on_both_sides(hands, latest), alike + 1
         crowded += len({hand.side for hand in hands}) < len(hands)
         for hand in hands:
             track = found.setdefault(hand.side, empty_track(len(frames)))
@@ -165,11 +165,11 @@ def tracks_in(
                 latest[hand.side] = hand.points
     if most == 1:
         return as_one_hand(found, side)
-    told = (
+    counts = (
         (alike, "both hands have one side: told apart by those before"),
         (crowded, "more hands than one of a side: the surest is kept"),
     )
-    return found, tuple(f"in {numbered(n, 'frame')} {words}" for n, words in told if n)
+    return found, tuple(f"in {numbered(n, 'frame')} {words}" for n, words in counts if n)
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
     return found
 
 
-def _told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
+def _on_both_sides(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
     """Two hands of the same side, relabelled as left and right: by the distance to the latest hands
     if both are known, else the more confident one keeps its side."""
     named = hands[0].side

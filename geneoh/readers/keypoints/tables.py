@@ -111,8 +111,10 @@ def as_rows(value: Any) -> tuple[list[Row], list[str]] | None:
     nested = any(isinstance(cell, list | dict) for row in rows for cell in row.values())
     if nested or len(rows) != len(value) or not any(map(coordinate_in, names)):
         return None
-    told = [{str(name): cell for name, cell in row.items()} for row in rows]
-    texts = [["" if row.get(name) is None else str(row[name]) for name in names] for row in told]
+    texts_by_name = [{str(name): cell for name, cell in row.items()} for row in rows]
+    texts = [
+        ["" if row.get(name) is None else str(row[name]) for name in names] for row in texts_by_name
+    ]
     return [dict(zip(names, cells, strict=True)) for cells in texts], names
 
 
@@ -135,10 +137,10 @@ def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
     times = [] if name is None else [time_in(row[name]) for row in rows]
     if name is None or not np.isfinite(times).all():
         return Record(str(path), {})
-    told = dict(zip(frames, times, strict=True))
-    known = sorted(told)
+    stamps = dict(zip(frames, times, strict=True))
+    known = sorted(stamps)
     every = np.arange(int(known[0]), int(known[-1]) + 1)
-    times = np.interp(every, known, [told[frame] for frame in known])
+    times = np.interp(every, known, [stamps[frame] for frame in known])
     return Record(str(path), {plain_name(name): times}, "correct the table")
 
 
@@ -229,8 +231,8 @@ class Numbering:
 
 def point_columns(names: list[str], numbering: Numbering) -> dict[str, Column]:
     """Side, point and axis of each column of coordinates of the 21 points."""
-    said = {name: coordinate_in(name) for name in names}
-    places = {name: at for name, at in said.items() if at is not None and not at.is_turn}
+    coordinates = {name: coordinate_in(name) for name in names}
+    places = {name: at for name, at in coordinates.items() if at is not None and not at.is_turn}
     alone: dict[str, Column] = {
         name: (None, None, "xyz".index(at.axis)) for name, at in places.items() if not at.of
     }
@@ -279,7 +281,7 @@ def cells_of(
                 f"number, and a landmark by number or by name, got {frame:g} and "
                 f"{named!r:.40}; correct it"
             )
-        for name, (told, fixed, axis) in columns.items():
+        for name, (column_side, fixed, axis) in columns.items():
             point = row_point if fixed is None else fixed
             if not isinstance(point, int):
                 continue
@@ -290,4 +292,4 @@ def cells_of(
                     "thousands and with a decimal point where commas separate cells, got "
                     f"{cell!r:.40}; correct the table"
                 )
-            yield told or row_side or side, int(frame), point, axis, number
+            yield column_side or row_side or side, int(frame), point, axis, number

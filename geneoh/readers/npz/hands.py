@@ -128,17 +128,17 @@ def mean_to_add(
 
     Relative poses (`flat_hand_mean=False`) are the default of smplx.
     """
-    said = record.optional_number("flat_hand_mean")
-    if said == 0 and mano_dir is None:
+    flat = record.optional_number("flat_hand_mean")
+    if flat == 0 and mano_dir is None:
         raise record.refuse(
             "flat_hand_mean",
             "true (zero is the flat hand) without MANO",
             "pass --mano, by which the mean pose is added, or add hands_mean to 'hand_pose'",
         )
-    if said == 0:
+    if flat == 0:
         return load_pose_space(side, mano_dir).mean.reshape(15, 3), ()
     note = "the pose is taken as absolute; 'flat_hand_mean' says otherwise"
-    return torch.zeros(15, 3), () if said else (note,)
+    return torch.zeros(15, 3), () if flat else (note,)
 
 
 def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:

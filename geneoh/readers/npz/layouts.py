@@ -166,8 +166,8 @@ def misspelt_fields(record: Record, layout: Layout) -> list[str]:
     missing = sorted(known - set(record.values))
     unknown = [name for name in record.values if name not in known]
     close = [(name, difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)) for name in unknown]
-    said = "'{}' is not read; is it '{}'?"
-    return [said.format(shortened(str(name), 40), match[0]) for name, match in close if match]
+    warning = "'{}' is not read; is it '{}'?"
+    return [warning.format(shortened(str(name), 40), match[0]) for name, match in close if match]
 
 
 def quoted(names: Iterable[object]) -> str:

@@ -74,6 +74,6 @@ def camera_of(folder: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]
     poses = rigid_of_xyzw(np.roll(track, 4, axis=1))
     poses[:, :3, 3] *= record.finite("scale")
     if len(poses) != frames or not np.isfinite(poses).all():
-        told = f"the camera of {files[-1].name} is left out: it is not known in all {frames} frames"
-        return None, (told,)
+        note = f"the camera of {files[-1].name} is left out: it is not known in all {frames} frames"
+        return None, (note,)
     return poses, ()

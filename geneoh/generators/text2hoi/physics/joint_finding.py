@@ -125,7 +125,7 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
         notes = ()
         if given.most is not None and room < asked - 1e-6:
             unit = "cm" if given.slides else "degrees"
-            notes = (f"the parts meet beyond {given.said(room)} {unit}, where the joint ends",)
+            notes = (f"the parts meet beyond {given.in_unit(room)} {unit}, where the joint ends",)
         return replace(given, most=room), notes
     if parts.room(replace(given, axis=-given.axis), asked) >= least:
         raise InputError(
