@@ -46,7 +46,6 @@ class Solid:
 
     surface: Mesh  # the faces between inside and outside, all pointing outward
     body: Mesh  # the faces whose winding number defines the inside; a shell may point either way
-    sheets: int  # how many open sheets were given a wall
     closed: bool  # whether the body has no open edge: only its surface separates inside and outside
     low: Float64[Tensor, " 3"]
     high: Float64[Tensor, " 3"]  # with `low`, corners of the surface's bounding box
@@ -105,7 +104,7 @@ def build_solid(mesh: Mesh) -> Solid:
             f"{float(mesh.extent().max()):.3g} m long; scale it to metres"
         )
     body, patches = agreeing(without_copies(whole))
-    body, sheets = with_walls(body, patches)
+    body = with_walls(body, patches)
     winding = winding_of(body)
     closed = not bool(open_edges(body.faces).any())
     surface = (
@@ -120,7 +119,7 @@ def build_solid(mesh: Mesh) -> Solid:
             "faces that enclose nothing; check the mesh and its scale"
         )
     corners = surface.corners().reshape(-1, 3).double()
-    return Solid(surface, body, sheets, closed, corners.amin(0), corners.amax(0), winding)
+    return Solid(surface, body, closed, corners.amin(0), corners.amax(0), winding)
 
 
 def without_copies(mesh: Mesh) -> Mesh:
@@ -167,8 +166,8 @@ def agreeing(mesh: Mesh) -> tuple[Mesh, Int[Tensor, " F"]]:
     return Mesh(mesh.verts, torch.where(back[:, None], turned.flip(-1), turned)), patch
 
 
-def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
-    """The mesh with walls in place of the open sheets among the patches, and their number."""
+def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> Mesh:
+    """The mesh with walls in place of the open sheets among the patches."""
     area = mesh.face_vectors().norm(dim=-1) / 2
     patch_area = area.new_zeros(int(patches.max()) + 1).index_add_(0, patches, area)
     candidates = [
@@ -177,10 +176,10 @@ def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
         if patch_area[patch] > SMALLEST_SHEET * patch_area.sum()
     ]
     if not candidates:
-        return mesh, 0
+        return mesh
     winding = winding_of(mesh)
     verts, kept = [mesh.verts], torch.ones(len(mesh.faces), dtype=torch.bool)
-    walls, count, sheets = [], len(mesh.verts), 0
+    walls, count = [], len(mesh.verts)
     for patch, caps in candidates:
         own = patches == patch
         if is_plugged(mesh, own, caps, winding):
@@ -188,8 +187,8 @@ def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
         wall = thickened(Mesh(mesh.verts, mesh.faces[own]))
         verts.append(wall.verts)
         walls.append(wall.faces + count)
-        kept, count, sheets = kept & ~own, count + len(wall.verts), sheets + 1
-    return Mesh(torch.cat(verts), torch.cat([mesh.faces[kept], *walls])), sheets
+        kept, count = kept & ~own, count + len(wall.verts)
+    return Mesh(torch.cat(verts), torch.cat([mesh.faces[kept], *walls]))
 
 
 def opening_caps(
