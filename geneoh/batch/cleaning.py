@@ -73,7 +73,11 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
     for _, result in made:
         meshes = [mesh.source for mesh in result.sequence.object.meshes if mesh.source is not None]
         inputs |= {str(mesh): fingerprint(mesh) for mesh in meshes if mesh.is_file()}
-    files = {name: written(result, batch.folder / name) for name, result in made}
+    files = {}
+    for name, result in made:
+        make_folder((batch.folder / name).parent)
+        save(result, batch.folder / name, overwrite=True)  # `keep_others` refused foreign files
+        files[name] = fingerprint(batch.folder / name)
     hands = [row for name, result in made for row in _rows_of(name, result)]
     return CleaningOutcome(clip.name, "", inputs, files, hands)
 
@@ -115,13 +119,6 @@ def sequences_of(
     for recording in recordings:
         check_sequence(recording.sequence, recording.name)
     return [(recording.name, recording.sequence) for recording in recordings]
-
-
-def written(result: Denoised, place: Path) -> str:
-    """Write a result; returns the fingerprint of its file."""
-    make_folder(place.parent)
-    save(result, place, overwrite=True)  # `keep_others` has refused files that are not ours
-    return fingerprint(place)
 
 
 def _rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:

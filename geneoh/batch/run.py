@@ -64,9 +64,10 @@ def clean_batch(
         left = [clip for clip in clips if records[clip.name]["state"] == "left"]
         before = done = len(clips) - len(left)
         for outcome in outcomes_of(left, batch, jobs, ray):
-            record = record_of(outcome, records[outcome.clip]["asked"])
-            records[outcome.clip] = record
-            journal.append_journal(path, [record])
+            state = "failed" if outcome.failed else "done"
+            record = {"clip": outcome.clip, "state": state, "asked": records[outcome.clip]["asked"]}
+            records[outcome.clip] = record | asdict(outcome)
+            journal.append_journal(path, [records[outcome.clip]])
             done += 1
             if on_progress is not None:
                 on_progress("clips", done, len(clips))
@@ -114,12 +115,6 @@ def _records_before(
             record = {"clip": clip.name, "state": "left", "asked": asked}
         known[clip.name] = record  # after the records of other clips, in the order of `clips`
     return known
-
-
-def record_of(outcome: CleaningOutcome, asked: dict[str, Any]) -> dict[str, Any]:
-    """The journal record of an outcome; `asked` is the clip's description."""
-    state = "failed" if outcome.failed else "done"
-    return {"clip": outcome.clip, "state": state, "asked": asked, **asdict(outcome)}
 
 
 def outcome_in(record: dict[str, Any]) -> CleaningOutcome:

@@ -42,20 +42,16 @@ def read_json(path: Path) -> Any:
 
     If the file is not in the form that its ending names, the other form is tried.
     """
-    data, ways = read_bytes(path, JSON_LIMIT), [whole_json, json_lines]
+    data = read_bytes(path, JSON_LIMIT)
+    ways = [lambda: json_in(data, str(path), "copy it again"), lambda: json_lines(data, path)]
     if path.suffix.lower() == ".jsonl":
         ways.reverse()
     try:
-        return ways[0](data, path)
+        return ways[0]()
     except InputError:
         with suppress(InputError):
-            return ways[1](data, path)
+            return ways[1]()
         raise
-
-
-def whole_json(data: bytes, path: Path) -> Any:
-    """The one value of a JSON file."""
-    return json_in(data, str(path), "copy it again")
 
 
 def json_lines(data: bytes, path: Path) -> list[Any]:

@@ -32,6 +32,9 @@ from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
 PICKLES = (".pkl", ".pickle", ".p")
 """Endings of pickles, which may begin like a text."""
 
+NUMBER = re.compile(r"[-+]?\.?\d|nan\b", re.IGNORECASE)
+"""The beginning of a number."""
+
 TUM: list[str] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
 """Columns of a trajectory in TUM's format, which has no heading."""
 TO_NAME = (
@@ -103,7 +106,7 @@ def table_in_text(path: Path) -> Table:
     lines = [line for line in lines if line]
     if lines and bop.are_results(lines[0]):
         return Table(path, list(bop.FIELDS), bop.rows_of_results(lines, path))
-    start = next((at for at, line in enumerate(lines) if is_of_numbers(line)), len(lines))
+    start = next((at for at, line in enumerate(lines) if NUMBER.match(line)), len(lines))
     data = [line for line in lines[start:] if line[0] not in "#%"]
     if not data:
         raise InputError(
@@ -130,11 +133,6 @@ def table_in_text(path: Path) -> Table:
 def is_known_column(name: str) -> bool:
     """Whether the name of a column denotes a coordinate, a time or a frame number."""
     return coordinate_in(name) is not None or plain_name(name) in CLOCK_NAMES
-
-
-def is_of_numbers(line: str) -> bool:
-    """Whether a line begins with a number."""
-    return re.match(r"[-+]?\.?\d|nan\b", line, re.IGNORECASE) is not None
 
 
 def cells_of(line: str, separator: str | None, comma: str = ".") -> list[str]:

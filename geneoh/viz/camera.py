@@ -182,16 +182,12 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
 
 
 def _smooth(scene: Scene, path: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 3"]:
-    """The path of a camera, smooth over each shot."""
-    shots = np.split(path, _cuts(scene))
+    """The path of a camera, smooth over each shot; at the cuts between shots it may jump."""
+    hands = [HandTrack(hand.side, hand.valid, hand.joints) for hand in scene.versions[-1].hands]
+    starts = {shot.start for hand in hands for shot in shots_of(hand, scene.fps)}
+    shots = np.split(path, sorted(starts - {0}))
     smoothed = (gaussian_filter1d(s, SMOOTHING * scene.fps, 0, mode="nearest") for s in shots)
     return np.concatenate(list(smoothed))
-
-
-def _cuts(scene: Scene) -> list[int]:
-    """First frames of all shots but the first: at these cuts the camera's path may jump."""
-    hands = [HandTrack(hand.side, hand.valid, hand.joints) for hand in scene.versions[-1].hands]
-    return sorted({shot.start for hand in hands for shot in shots_of(hand, scene.fps)} - {0})
 
 
 def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:

@@ -169,7 +169,11 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
         and len(_points_by_name(each)) < FEWEST_KEYPOINTS
     }
     if not columns:
-        columns = {name: each for name, each in lists.items() if _are_places(each)}
+        columns = {
+            name: each
+            for name, each in lists.items()
+            if all(point is None or _place_of(point) is not None for point in each)
+        }
         columns = columns if len(columns) >= FEWEST_KEYPOINTS else {}
     lengths = {len(each) for each in columns.values()}
     count = lengths.pop() if len(lengths) == 1 else 0
@@ -240,11 +244,6 @@ def _is_numbers(values: list[Any]) -> bool:
         each is None or (type(each) in (int, float) and not abs(each) > LARGEST_NUMBER)
         for each in values
     )
-
-
-def _are_places(values: list[Any]) -> bool:
-    """Whether a list holds only positions and nulls."""
-    return all(each is None or _place_of(each) is not None for each in values)
 
 
 def _are_flat(points: Any) -> bool:

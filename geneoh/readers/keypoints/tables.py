@@ -152,13 +152,8 @@ def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
 def frame_column(rows: list[Row]) -> str | None:
     """The column of frame numbers; not a column of texts, as ROS names coordinate frames so."""
     called = columns_called(rows[0] if rows else (), FRAME_COLUMNS)
-    numbered = (name for _, name in called if any(is_number(row[name]) for row in rows))
-    return next(numbered, None)
-
-
-def is_number(cell: str | None) -> bool:
-    """Whether a cell holds a finite number."""
-    return bool(np.isfinite(number_in(cell or "")))
+    numbers = {name: [number_in(row[name] or "") for row in rows] for _, name in called}
+    return next((name for name, found in numbers.items() if np.isfinite(found).any()), None)
 
 
 def frames_of(rows: list[Row]) -> list[float]:
