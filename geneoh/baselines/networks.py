@@ -24,8 +24,7 @@ from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
 from geneoh.denoisers.motion import jitter_of
 from geneoh.denoisers.relations import contact_features
 from geneoh.hand.skeleton import bone_lengths
-from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, mlp, zeroed
 from geneoh.nn.weights import file_or_shipped, load_network
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 from geneoh.sequence.keypoints import palm_axes

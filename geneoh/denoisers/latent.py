@@ -15,8 +15,7 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE
 from geneoh.diffusion.precondition import preconditioned
-from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, mlp, zeroed
 from geneoh.representation.temporal import (
     PairStatistics,
     TemporalRelations,

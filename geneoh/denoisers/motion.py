@@ -18,8 +18,7 @@ from geneoh.denoisers.candidate_corrections import CANDIDATES, candidate_correct
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.geometry.rotations import matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths
-from geneoh.nn.blocks import FrameTransformer, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, zeroed
 from geneoh.representation.parameters import UNIT, HandParameters, turned
 from geneoh.representation.region import ContactRegion
 from geneoh.sequence.keypoints import palm_axes

@@ -14,8 +14,7 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE, VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
-from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, mlp, zeroed
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 from geneoh.representation.window_scale import WindowScale
 from geneoh.sequence.keypoints import palm_axes

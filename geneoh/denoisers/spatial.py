@@ -16,9 +16,8 @@ from torch import Tensor, nn
 
 from geneoh.diffusion.posterior import LogDensity, Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
-from geneoh.nn.blocks import mlp, zeroed
+from geneoh.nn.blocks import NetworkConfig, mlp, zeroed
 from geneoh.nn.checkpoint import finite_output
-from geneoh.nn.sizes import NetworkConfig
 from geneoh.progress import OnStep
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters

@@ -15,8 +15,7 @@ from torch.nn.functional import pad
 
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import object_rates
-from geneoh.nn.blocks import FrameTransformer, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, zeroed
 from geneoh.representation.region import ObjectSurface
 from geneoh.representation.steps import SurfaceMotion
 from geneoh.sequence.keypoints import palm_axes

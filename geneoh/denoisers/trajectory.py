@@ -8,8 +8,7 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
-from geneoh.nn.blocks import FrameTransformer, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, zeroed
 from geneoh.sequence.keypoints import palm_axes
 
 

@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from geneoh.config import Limits
-from geneoh.nn.blocks import check_heads, drawn
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import NetworkConfig, check_heads, drawn
 
 PAD = 0  # index of the piece that pads short sentences
 

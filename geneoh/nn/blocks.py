@@ -1,14 +1,24 @@
-"""Building blocks of the denoisers: a pre-norm transformer over frames and small MLPs."""
+"""Building blocks of networks: the limits of their sizes, a pre-norm transformer, small MLPs."""
 
 import itertools
 import math
 from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Shaped
 from torch import Tensor, nn
 
+from geneoh.config import Limited
 from geneoh.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class NetworkConfig(Limited):
+    """Size and form of a network; whole numbers are 1 to 4,096 unless a network says otherwise."""
+
+    LARGEST: ClassVar[int] = 4096
 
 
 def mlp(*widths: int) -> nn.Sequential:

@@ -16,8 +16,7 @@ from torch import Tensor, nn
 from geneoh.generators.both2hands.denoiser import Form
 from geneoh.generators.both2hands.features import HANDS
 from geneoh.generators.both2hands.paper_layers import PaperBlock
-from geneoh.nn.blocks import in_steps, mlp, sinusoid, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import NetworkConfig, in_steps, mlp, sinusoid, zeroed
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame, Scale, Scaling
 from geneoh.generators.both2hands.paper_layers import PaperTransformer
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
-from geneoh.nn.blocks import FrameTransformer, in_steps
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, in_steps
 from geneoh.synthesis.gestures.clips import NAMES
 
 Form = Literal["ours", "paper"]

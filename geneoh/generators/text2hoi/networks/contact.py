@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from geneoh.diffusion.samplers import normal_like
 from geneoh.generators.text2hoi.networks.objects import CHANNELS, Objects
 from geneoh.generators.text2hoi.networks.pointnet import PointConfig, PointNet, layer
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import NetworkConfig
 
 
 @dataclass(frozen=True)

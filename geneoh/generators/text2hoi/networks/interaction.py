@@ -36,8 +36,7 @@ from geneoh.generators.text2hoi.networks.tokens import (
     defined_numbers,
     tokens_of,
 )
-from geneoh.nn.blocks import FrameTransformer, drawn, in_steps, sinusoid, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, drawn, in_steps, sinusoid, zeroed
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions.action import LONGEST, Actions
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from geneoh.diffusion.samplers import normal_like
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import NetworkConfig
 from geneoh.synthesis.actions.action import LONGEST
 
 SHORTEST = 2  # frames: one frame is no motion, and none would leave networks nothing to attend to

@@ -14,8 +14,7 @@ from torch import Tensor, nn
 
 from geneoh.bundle import spread
 from geneoh.generators.text2hoi.networks.objects import CHANNELS, Objects
-from geneoh.nn.blocks import zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import NetworkConfig, zeroed
 from geneoh.representation.region import farthest_points
 
 SUMMARY = 19

@@ -27,8 +27,7 @@ from geneoh.generators.text2hoi.networks.tokens import (
     tokens_of,
 )
 from geneoh.hand.library import load_hand
-from geneoh.nn.blocks import in_steps, sinusoid, zeroed
-from geneoh.nn.sizes import NetworkConfig
+from geneoh.nn.blocks import NetworkConfig, in_steps, sinusoid, zeroed
 from geneoh.synthesis.actions.action import NEAR, Actions
 
 AGENT_ROWS = (0, 1666)
