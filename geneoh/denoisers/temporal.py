@@ -1,9 +1,10 @@
 """TemporalDiff: denoise the hand's motion relative to the object (paper 3.2; our form of it).
 
-A step is the displacement of a keypoint to the next frame, relative to the nearest surface. In one
-call, without diffusion, the network predicts the clean step of every keypoint and a log weight of
-each step and each position. `geneoh.fitting.align` finds the hand that agrees with both. The
-paper's form is `geneoh.denoisers.latent`.
+A step is the displacement of a keypoint to the next frame, relative to the one surface point that
+is nearest to it, because a finger slides on what it touches. In one call, without diffusion, the
+network predicts the clean step of every keypoint and a log weight of each step and each position.
+`geneoh.fitting.align` finds the hand that agrees with both. The paper's form is
+`geneoh.denoisers.latent`, over all contact points (`geneoh.representation.temporal`).
 """
 
 from dataclasses import dataclass
@@ -16,8 +17,8 @@ from torch.nn.functional import pad
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import object_rates
 from geneoh.nn.blocks import FrameTransformer, NetworkConfig, zeroed
+from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.region import ObjectSurface
-from geneoh.representation.steps import SurfaceMotion
 from geneoh.sequence.keypoints import palm_axes
 
 STEP_UNIT = 0.003  # typical step of a keypoint over the surface between frames, metres
@@ -41,9 +42,17 @@ class TemporalConfig(NetworkConfig):
 
 
 @dataclass(frozen=True)
-class TemporalEvidence(SurfaceMotion):
-    """The input of TemporalDiff, in the frame of the object's first part."""
+class TemporalEvidence(Bundle):
+    """The input of TemporalDiff over T frames, in the frame of the object's first part."""
 
+    joints: Float[Tensor, "B T 21 3"]  # after SpatialDiff, metres
+    nearest: Float[Tensor, "B T 21 3"]  # the surface point nearest to each keypoint
+    normals: Float[Tensor, "B T 21 3"]  # outward, there
+    carried: Float[Tensor, "B T 21 3"]
+    """Step to the next frame of a point that is at the keypoint and moves rigidly with the nearest
+    object part; zero for the first part. The last frame's step is unused."""
+    rotation: Float[Tensor, "B T 3 3"]  # first part's frame to world
+    translation: Float[Tensor, "B T 3"]
     observed: Float[Tensor, "B T 21 3"]  # the input, gaps filled
     trust: Float[Tensor, "B T"]  # 0 where a frame was filled in, else its mean confidence, <= 1
 
@@ -56,14 +65,38 @@ class TemporalEvidence(SurfaceMotion):
         trust: Float[Tensor, "B T"],
     ) -> "TemporalEvidence":
         """The evidence of world-frame hands: `joints` after SpatialDiff, `observed` the input."""
-        motion = SurfaceMotion.of(joints, surface)
-        return cls(**vars(motion), observed=motion.from_world(observed), trust=trust)
+        near = nearest_on_parts(joints, surface)
+        rotation, translation = surface.rotation[:, :, 0], surface.translation[:, :, 0]
+        own, nearest, seen = (
+            (points - translation[:, :, None]) @ rotation
+            for points in (joints, near.points, observed)
+        )
+        carried = torch.zeros_like(joints)
+        for part in range(1, surface.rotation.shape[2]):
+            turn, shift = surface.rotation[:, :, part], surface.translation[:, :, part, None]
+            local = (joints - shift) @ turn
+            after = local[:, :-1] @ turn[:, 1:].mT + shift[:, 1:]
+            after = (after - translation[:, 1:, None]) @ rotation[:, 1:]
+            step = pad(after - own[:, :-1], (0, 0, 0, 0, 0, 1))
+            carried = torch.where((near.part == part)[..., None], step, carried)
+        normals = near.normals @ rotation
+        return cls(own, nearest, normals, carried, rotation, translation, seen, trust)
+
+    @property
+    def steps(self) -> Float[Tensor, "B T 21 3"]:
+        """Step of each keypoint to the next frame, relative to the surface; 0 in the last frame."""
+        over = self.joints.diff(dim=1) - self.carried[:, :-1]
+        return pad(over, (0, 0, 0, 0, 0, 1))
+
+    def from_world(self, joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T 21 3"]:
+        """Other keypoints, from the world frame into the frame of the first part."""
+        return (joints - self.translation[:, :, None]) @ self.rotation
 
     def noisiness(self) -> Float[Tensor, " B"]:
         """Standard deviation of the input around the hand after SpatialDiff, in units of `SHAKING`,
         between `LEAST_NOISE` and 1."""
-        off = self.observed - self.joints
-        shaking = (off - off.mean(1, keepdim=True)).square().sum(-1).mean((1, 2)).sqrt()
+        noise = self.observed - self.joints
+        shaking = (noise - noise.mean(1, keepdim=True)).square().sum(-1).mean((1, 2)).sqrt()
         return (shaking / SHAKING).clamp(LEAST_NOISE, 1.0)
 
     def features(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T F"]:
