@@ -4,6 +4,7 @@ python -m tools.action_sheet DATA OUT.png [--split val] [--clip N]
 """
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,7 +37,7 @@ WITHIN = 0.03  # distance from the object beyond which it is not measured, metre
 CORNERS = 6  # of the plate that is drawn at each point of a surface
 
 
-def contact_sheet(actions: Actions, names: list[str]) -> Picture:
+def contact_sheet(actions: Actions, names: Sequence[str]) -> Picture:
     """A row of frames for each action, with its verb, its object and its hands before them."""
     row = CELL + CAPTION_HEIGHT
     canvas = Canvas(WORDS + CELL * FRAMES, row * len(actions.verb))

@@ -16,25 +16,19 @@ Network = TypeVar("Network", bound=nn.Module)
 
 
 def load_network(
-    path: Path, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
+    path: Path,
+    network: Callable[[NetConfig], Network],
+    config: Callable[..., NetConfig],
+    saved: Checkpoint | None = None,
 ) -> Network:
     """A network of the saved size with the saved weights, frozen for inference. The stem of the
-    file's name is the key of the network's configuration in the record.
+    file's name is the key of the network's configuration in the record; `saved` is what the file
+    holds where it was already read.
 
     Raises:
         CheckpointError: the file is missing or holds another network.
     """
-    return network_of(load_checkpoint(path), path, network, config)
-
-
-def network_of(
-    saved: Checkpoint,
-    path: Path,
-    network: Callable[[NetConfig], Network],
-    config: Callable[..., NetConfig],
-) -> Network:
-    """As `load_network`, from a checkpoint that was already read from `path`."""
-    name = path.stem
+    saved, name = saved or load_checkpoint(path), path.stem
     try:
         with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
             size = dict(saved.record["config"][name])

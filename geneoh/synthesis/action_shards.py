@@ -115,7 +115,7 @@ def names_of_shard(path: Path) -> list[str]:
     return [Path(name).stem for name in names_of(scans_of(path, DEFAULTS), families)]
 
 
-def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]]:
+def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], tuple[str, ...]]:
     """The actions of one split ("train" or "val"), and object names without file endings.
 
     Raises:
@@ -128,4 +128,4 @@ def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]
             f"{paths[0]}: expected names of {len(names)} objects, got number {last}; "
             "make the folder again"
         )
-    return actions, names
+    return actions, tuple(names)

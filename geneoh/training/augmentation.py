@@ -20,9 +20,8 @@ from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, TIP_KEYPOINTS
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
-from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.draws import Draws, smoothed_motion
 from geneoh.synthesis.grasping.pose_prior import FINGER_STD
-from geneoh.synthesis.motions.smoothing import smoothed_motion
 
 
 @dataclass(frozen=True)

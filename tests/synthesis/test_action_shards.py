@@ -39,7 +39,7 @@ def folder(tmp_path_factory) -> Path:
 def test_shards_read_back_with_the_names_of_their_objects(folder):
     actions, names = read_actions(folder, "train")
     assert len(actions) == 2
-    assert names == list(FAMILIES)
+    assert names == tuple(FAMILIES)
     assert {names[i] for i in numbers(actions)}.isdisjoint(TINY.held_out)
     held_out, _ = read_actions(folder, "val")
     assert {names[i] for i in numbers(held_out)} <= set(TINY.held_out)

@@ -231,7 +231,7 @@ def split_clips(
     if options.dataset == "synthetic":
         actions, names = read_actions(options.data, "val")
         shards = map(action_shard, find_shards(options.data, "train", DEFAULTS))
-        return concatenated(map(thinned, shards), "B"), ActionData(actions, tuple(names)), ()
+        return concatenated(map(thinned, shards), "B"), ActionData(actions, names), ()
     source = DataSource(options.data, options.dataset)
     readers = ReaderOptions(mano_dir=options.mano)
     split = action_data(source, options.recorded, folder / "recordings", readers, on_progress)

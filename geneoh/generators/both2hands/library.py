@@ -16,7 +16,7 @@ from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig, TextHa
 from geneoh.generators.pieces import sentence_numbers, vocabulary_of
 from geneoh.generators.text import foreign_encoder
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
+from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 from geneoh.training.resume import digest
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
@@ -66,7 +66,7 @@ def load_both2hands(
     branches = load_branches(folder, text_encoder=text_encoder)
     path = both2hands_weights("blend", folder)
     saved = load_checkpoint(path)
-    blend = network_of(saved, path, Blender, BlendConfig)
+    blend = load_network(path, Blender, BlendConfig, saved)
     if blend.config.form == "ours":
         refuse_other_scales(branches, folder)
     if saved.record.get("branches") not in (None, branches.fingerprint):
@@ -84,7 +84,7 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
     body = load_network(both2hands_weights("body_hands", folder), BodyHands, HandsConfig)
     path = both2hands_weights("text_hands", folder)
     saved = load_checkpoint(path)
-    text = network_of(saved, path, TextHands, TextHandsConfig)
+    text = load_network(path, TextHands, TextHandsConfig, saved)
     encoder = None if text_encoder is None else foreign_encoder(text_encoder)
     if text.config.text != (encoder.width if encoder else 0):
         wanted = f"a text encoder of {text.config.text} features" if text.config.text else "none"

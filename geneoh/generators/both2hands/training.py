@@ -120,13 +120,17 @@ class HandsTask(SamplesTask):
         return GestureSamples(kept.take(pick, "B").map(Tensor.float), real, said, gesture)
 
     def learned_from(self) -> dict[str, Any]:
-        """Fingerprints of the clips and of the networks that are blended, and the vocabulary."""
-        training, validation = self.data.training, self.data.validation
+        """Fingerprints of the clips, by lengths and last poses, of their sentences and of the
+        networks that are blended, and the vocabulary."""
+        both = self.data.training, self.data.validation
+        clips, held_out = (digest([data.length, data.pose[:, -1]]) for data in both)
         return {
-            "sequences": len(training.length),
-            "data": _data_digest(training),
-            "validation": _data_digest(validation),
-            "words": _words_digest(training, validation),
+            "sequences": len(self.data.training.length),
+            "data": clips,
+            "validation": held_out,
+            "words": digest(
+                part for data in both for part in (data.gesture, *map(str, data.joined.ravel()))
+            ),
             "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
         }
@@ -243,14 +247,3 @@ def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
     network.scale.fit(features.hands, real, scaling)
     if isinstance(network, BodyHands):
         network.body_scale.fit(features.body, real, scaling)
-
-
-def _data_digest(data: Gestures) -> str:
-    """A fingerprint of clips by their lengths and last poses."""
-    return digest([data.length, data.pose[:, -1]])
-
-
-def _words_digest(*several: Gestures) -> str:
-    """A fingerprint of the sentences and gestures of clips."""
-    told = ((clips.gesture, *map(str, clips.joined.ravel())) for clips in several)
-    return digest(part for parts in told for part in parts)

@@ -12,8 +12,7 @@ from geneoh.body.skeleton import BODY_PARENTS, JOINT_NAMES, Skeleton, embedded_s
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions.action import FPS
-from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.motions.smoothing import smoothed_motion
+from geneoh.synthesis.draws import Draws, smoothed_motion
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 FEET_SMOOTHING = 2.5  # standard deviation of the Gaussian over the pelvis positions, frames

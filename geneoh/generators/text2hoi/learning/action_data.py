@@ -55,7 +55,7 @@ def action_data(
                 "recorded: expected no settings of recordings with the made actions of "
                 f"{data.path}, got some; leave them out"
             )
-        return made_data(data.path, made_actions, DEFAULTS)
+        return made_data(data.path, lambda *shards: ActionData(*read_actions(*shards)), DEFAULTS)
     if data.source not in ANNOTATED:
         raise ConfigError(
             f"--data {data.source}=...: expected {', '.join(ANNOTATED)}, whose recordings come "
@@ -70,12 +70,6 @@ def action_data(
         options,
         on_step=on_progress and partial(on_progress, source),
     )
-
-
-def made_actions(folder: Path, split: str) -> ActionData:
-    """The synthetic actions of one split; raises as `read_actions`."""
-    actions, names = read_actions(folder, split)
-    return ActionData(actions, tuple(names))
 
 
 def recorded_actions(

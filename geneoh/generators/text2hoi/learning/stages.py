@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from geneoh.choices import ActionStage, GeneratorStage
+from geneoh.choices import GeneratorStage
 from geneoh.generators.text2hoi.learning.action_data import action_data
 from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
 from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
 from geneoh.generators.text2hoi.learning.samples import ActionData
 from geneoh.generators.text2hoi.learning.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.learning.training import ActionTask, LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.networks.contact import ContactConfig, ContactNetwork
-from geneoh.generators.text2hoi.networks.interaction import InteractionConfig, InteractionNetwork
-from geneoh.generators.text2hoi.networks.library import encoder_of, told_network
+from geneoh.generators.text2hoi.networks.library import conditioned_network, encoder_of
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.training.data import DataSource, TrainingData
@@ -59,22 +57,11 @@ def generator_task(
     if stage == "text":
         return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
     if stage == "length":
-        chosen = stage_config(LengthTrainConfig(), stage, config, settings)
+        lengths = stage_config(LengthTrainConfig(), stage, config, settings)
         encoder = encoder_of(learned.folder, learned.text_encoder)
-        chosen = replace(chosen, length=replace(chosen.length, text=encoder.width))
-        data = learned.actions(chosen.recorded, on_progress)
-        return LengthTask(chosen, data, encoder), data.notes
-    return action_task(stage, config, settings, learned, on_progress)
-
-
-def action_task(
-    stage: ActionStage,
-    config: Path | None,
-    settings: Sequence[str],
-    learned: Learned,
-    on_progress: OnProgress | None = None,
-) -> tuple[ActionTask, tuple[str, ...]]:
-    """The task of a stage that learns from actions; see `generator_task`."""
+        lengths = replace(lengths, length=replace(lengths.length, text=encoder.width))
+        data = learned.actions(lengths.recorded, on_progress)
+        return LengthTask(lengths, data, encoder), data.notes
     chosen = stage_config(Text2HoiConfig(), stage, config, settings)
     encoder = encoder_of(learned.folder, learned.text_encoder)
     chosen = replace(
@@ -84,10 +71,8 @@ def action_task(
     )
     contact = interaction = None
     if stage != "contact":
-        told = learned.folder, encoder, ContactNetwork, ContactConfig
-        contact = told_network("contact", *told)
+        contact = conditioned_network("contact", learned.folder, encoder)
     if stage == "refiner":
-        told = learned.folder, encoder, InteractionNetwork, InteractionConfig
-        interaction = told_network("interaction", *told)
+        interaction = conditioned_network("interaction", learned.folder, encoder)
     data = learned.actions(chosen.recorded, on_progress)
     return ActionTask(stage, chosen, data, encoder, contact, interaction), data.notes

@@ -30,10 +30,6 @@ KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
 MEASURED = 512  # validation sentences of each kind
 
 
-def _network() -> TextConfig:
-    return TextConfig(**{head: len(classes) for head, classes in text_data.CLASSES.items()})
-
-
 @dataclass(frozen=True)
 class TextTrainConfig(RunConfig):
     """The training of the text encoder."""
@@ -48,7 +44,9 @@ class TextTrainConfig(RunConfig):
     withhold: bool = True
     """Whether the synonyms of `text_data.WITHHELD` are withheld from training. The shipped weights
     were trained with them; unseen synonyms were measured in a run without them."""
-    text: TextConfig = field(default_factory=_network)
+    text: TextConfig = field(
+        default_factory=lambda: TextConfig(**{n: len(of) for n, of in text_data.CLASSES.items()})
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside of their limits, and heads with too few classes."""

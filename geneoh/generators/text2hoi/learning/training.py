@@ -238,19 +238,19 @@ def refiner_task_loss(
 
 
 def actions_record(data: TrainingData[ActionData], encoder: TextEncoder) -> dict[str, Any]:
-    """The record of training actions and text encoder that is stored with the weights."""
+    """The record of training actions and text encoder that is stored with the weights: actions are
+    told apart by their lengths and the last position of each wrist."""
+    actions, held_out = (
+        digest([part.lengths, part.actions.each(lambda actions: actions.wrist[:, :, -1])])
+        for part in (data.training, data.validation)
+    )
     return {
         "sequences": len(data.training.actions),
-        "data": _data_digest(data.training),
-        "validation": _data_digest(data.validation),
+        "data": actions,
+        "validation": held_out,
         "words": _words_digest(data.training, data.validation),
         **text_record(encoder),
     }
-
-
-def _data_digest(data: ActionData) -> str:
-    """A fingerprint of actions by their lengths and the last position of each wrist."""
-    return digest([data.lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
 def _words_digest(*several: ActionData) -> str:

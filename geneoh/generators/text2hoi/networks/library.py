@@ -1,9 +1,9 @@
 """The trained networks of Text2HOI: where weights are, and how networks are rebuilt from them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -18,15 +18,20 @@ from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwo
 from geneoh.generators.text2hoi.networks.refiner import RefinerConfig, RefinerNetwork
 from geneoh.generators.text2hoi.networks.text import ASKED, load_text_encoder, shipped_model
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
-
-Told = TypeVar("Told", ContactNetwork, InteractionNetwork, LengthNetwork)
-"""A network that is conditioned on a sentence."""
+from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
 ALIKE = 0.1
 """Largest relative distance of a sentence's vectors that count as made by one encoder: rounding
 differs by at most a hundredth between machines, and separately trained encoders are unrelated."""
+
+
+NETWORKS: dict[str, tuple[Any, Any]] = {
+    "contact": (ContactNetwork, ContactConfig),
+    "interaction": (InteractionNetwork, InteractionConfig),
+    "length": (LengthNetwork, LengthConfig),
+}
+"""Network class and configuration class of each stage that is conditioned on a sentence."""
 
 
 @dataclass(frozen=True)
@@ -57,23 +62,17 @@ def load_text2hoi(
     text = encoder_of(folder, text_encoder)
     return Text2HoiNetworks(
         text,
-        told_network("contact", folder, text, ContactNetwork, ContactConfig).to(device),
-        told_network("interaction", folder, text, InteractionNetwork, InteractionConfig).to(device),
-        told_network("length", folder, text, LengthNetwork, LengthConfig),
+        conditioned_network("contact", folder, text).to(device),
+        conditioned_network("interaction", folder, text).to(device),
+        conditioned_network("length", folder, text),
     )
 
 
-def told_network(
-    name: str,
-    folder: Path | None,
-    text: TextEncoder,
-    network: Callable[[Any], Told],
-    config: Callable[..., Any],
-) -> Told:
+def conditioned_network(name: str, folder: Path | None, text: TextEncoder) -> Any:
     """A network of a folder, else the shipped one; errors are those of `load_text2hoi`."""
     path = text2hoi_weights(name, folder)
     saved = load_checkpoint(path)
-    found = network_of(saved, path, network, config)
+    found = load_network(path, *NETWORKS[name], saved)
     refuse_other_encoder(path, saved.record, found.config.text, text)
     return found
 

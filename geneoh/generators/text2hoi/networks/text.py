@@ -12,7 +12,7 @@ from geneoh.generators.pieces import sentence_numbers, vocabulary_of
 from geneoh.generators.text import TextEncoder, foreign_encoder
 from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.nn.weights import network_of
+from geneoh.nn.weights import load_network
 
 SHIPPED = Path(__file__).parent / "weights" / "text.safetensors"
 ASKED = "Lift a mug with the right hand."
@@ -25,7 +25,7 @@ class TextModel:
     def __init__(self, path: Path = SHIPPED) -> None:
         """Read a file of weights; `CheckpointError` if it is missing or of another network."""
         saved = load_checkpoint(path)
-        self.network = network_of(saved, path, TextNetwork, TextConfig)
+        self.network = load_network(path, TextNetwork, TextConfig, saved)
         self.tokenizer = vocabulary_of(saved.record, path)
         try:
             classes = saved.record["classes"]

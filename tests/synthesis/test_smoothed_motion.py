@@ -1,6 +1,6 @@
 import torch
 
-from geneoh.synthesis.motions.smoothing import smoothed_motion
+from geneoh.synthesis.draws import smoothed_motion
 
 
 def test_what_changes_evenly_stays_and_ends_are_held():
