@@ -8,7 +8,6 @@ identity.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -51,6 +50,7 @@ def preconditioned(
     )
 
 
-def loss_weight(sigma: Float[Tensor, "*N"], scale: Float[Tensor, "*N"]) -> Float[Tensor, "*N"]:
-    """Loss weight that makes the squared error of `preconditioned` of unit scale at any noise."""
-    return 1 / torch.minimum(sigma, scale) ** 2
+def loss_weight(sigma: Float[Tensor, "*N"]) -> Float[Tensor, "*N"]:
+    """Loss weight that makes the squared error of `preconditioned` of unit size at any noise, for
+    data of unit scale."""
+    return 1 / sigma.clamp(max=1.0) ** 2

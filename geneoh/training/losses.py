@@ -96,7 +96,7 @@ def trajectory_loss(model: TrajectoryDenoiser, batch: Batch, draws: Draws) -> Fl
     noise = draws.like(clean)
     noisy = clean + sigma[:, None, None, None] * noise
     predicted = model(noisy, sigma, scale.deviation.flatten())
-    weight = loss_weight(sigma, torch.ones_like(sigma))
+    weight = loss_weight(sigma)
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
 
 
@@ -111,7 +111,7 @@ def relation_loss(model: RelationDenoiser, batch: Batch, draws: Draws) -> Float[
     noise = draws.like(relations.hands)
     noise = noise * (sigma[:, None, None, None, None] * scale.deviation)
     predicted = model(replace(relations, hands=relations.hands + noise), sigma, scale)
-    weight = loss_weight(sigma, torch.ones_like(sigma)) / scale.deviation.flatten().square()
+    weight = loss_weight(sigma) / scale.deviation.flatten().square()
     each = (predicted.hands - relations.hands).square().mean((1, 2, 3, 4))
     together = (decode_spatial(predicted) - batch.clean_canon).square().mean((1, 2, 3))
     return (weight * (0.5 * each + 0.5 * together)).mean()
@@ -199,7 +199,7 @@ def latent_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tens
     sigma = draw_sigma(draws, LATENT_SIGMAS).to(clean)
     noise = draws.like(clean)
     predicted = model(clean + sigma[:, None, None] * noise, sigma)
-    weight = loss_weight(sigma, torch.ones_like(sigma))
+    weight = loss_weight(sigma)
     return (weight * (predicted - clean).square().mean((1, 2))).mean()
 
 

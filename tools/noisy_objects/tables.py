@@ -1,10 +1,10 @@
 """Which cases each table needs, and its lines."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -27,52 +27,42 @@ KINDS = ("exact", *OBJECT_NOISES)
 HAND = ("result", "result acceleration")
 
 
+CLIPS = (RECORDING, *MADE)
+HAND_NOISES = ("clean", *NOISES)
+SHAKES = ("exact", "shaky_2", "shaky_10")
+BESIDE_CLIPS = tuple(BESIDE + name for name in CLIPS)
+HOVERING_CLIPS = tuple(HOVERING + name for name in (RECORDING, "drawer", "bottle"))
+USUAL: dict[str, Any] = {"preset": "default"}
+Grid = tuple[Sequence[str], Sequence[Any], Sequence[Any], dict[str, Any]]
+GRIDS: dict[str, Grid] = {
+    "hands": ((RECORDING,), ("clean", "gauss", "camera"), KINDS, USUAL),
+    "trusted": (
+        (RECORDING,),
+        ("clean", "gauss"),
+        ("shaky_2", "shaky_10", "flips"),
+        USUAL | {"trusted": True},
+    ),
+    "guard": (CLIPS, HAND_NOISES, KINDS, {}),
+    "shaken": (tuple(SHAKEN + name for name in CLIPS), HAND_NOISES, SHAKES, {}),
+    "beside": (BESIDE_CLIPS, HAND_NOISES, ("exact", "shaky_10"), {}),
+    "hovering": (HOVERING_CLIPS, HAND_NOISES, ("exact", "shaky_10"), {}),
+    "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
+    "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),
+    "white": (CLIPS, ("gauss",), get_args(WhiteNoise), {}),
+    "filtered": (CLIPS, ("clean", "burst", "gauss"), ("exact", *get_args(FilterKind)), {}),
+    "alone": (CLIPS[:2], HAND_NOISES, ("exact",), USUAL | {"alone": True}),
+}
+"""Clips, noises of the hand, noises of the object and other fields of the cases of each table."""
+TABLES = (*GRIDS, "limits")
+
+
 def cases_of(table: str, seeds: int) -> list[Case]:
     """The cases of a table, those of the first seed first."""
-    made = (RECORDING, *MADE)
-    noises = ("clean", *NOISES)
-    some = product(range(seeds), (RECORDING,), ("clean", "gauss", "camera"), KINDS)
-    match table:
-        case "hands":
-            return [Case(c, n, k, s, "default") for s, c, n, k in some]
-        case "trusted":
-            shaken = product(range(seeds), ("clean", "gauss"), ("shaky_2", "shaky_10", "flips"))
-            return [Case(RECORDING, n, k, s, "default", trusted=True) for s, n, k in shaken]
-        case "guard":
-            every = product(range(seeds), made, noises, KINDS)
-            return [Case(c, n, k, s) for s, c, n, k in every]
-        case "round":
-            spun = product(range(seeds), (*ROUND, *ROUND_SCANS), ("exact", "flips", SPINS))
-            return [Case(c, "gauss", k, s) for s, c, k in spun]
-        case "refined":
-            shaken = product(range(seeds), made, OBJECT_NOISES)
-            return [Case(c, "gauss", k, s) for s, c, k in shaken]
-        case "white":
-            shaken = product(range(seeds), made, get_args(WhiteNoise))
-            return [Case(c, "gauss", k, s) for s, c, k in shaken]
-        case "shaken":
-            clips = tuple(SHAKEN + name for name in made)
-            every = product(range(seeds), clips, noises, ("exact", "shaky_2", "shaky_10"))
-            return [Case(c, n, k, s) for s, c, n, k in every]
-        case "beside" | "hovering":
-            near = (HOVERING + name for name in (RECORDING, "drawer", "bottle"))
-            clips = near if table == "hovering" else (BESIDE + name for name in made)
-            every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
-            return [Case(c, n, k, s) for s, c, n, k in every]
-        case "filtered":
-            kinds = ("exact", *get_args(FilterKind))
-            every = product(range(seeds), made, ("clean", "burst", "gauss"), kinds)
-            return [Case(c, n, k, s) for s, c, n, k in every]
-        case "alone":
-            every = product(range(seeds), made[:2], noises)
-            return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
-    raise SystemExit(f"no table is called '{table}'; there are {', '.join(TABLES)}")
-
-
-TABLES = (
-    *("hands", "trusted", "guard", "shaken", "beside", "hovering", "round", "refined", "white"),
-    *("filtered", "alone", "limits"),
-)
+    if table not in GRIDS:
+        raise SystemExit(f"no table is called '{table}'; there are {', '.join(TABLES)}")
+    clips, noises, kinds, how = GRIDS[table]
+    every = product(range(seeds), clips, noises, kinds)
+    return [Case(c, n, k, s, **how) for s, c, n, k in every]
 
 
 def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
