@@ -14,9 +14,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import SIDES
-from geneoh.evaluation.generation.measures import PosedActions, mean_hands, posed_actions
+from geneoh.evaluation.generation.measures import PosedActions, posed_actions
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.oriented_points import signed_to_points
+from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import read_actions
@@ -88,7 +89,7 @@ def posed_track(clip: Actions, posed: PosedActions, side: int) -> PosedTrack:
     distance = distance.clamp(max=WITHIN)
     there = torch.ones(len(skin), dtype=torch.bool)
     parameters = (clip.pose[0, side], clip.wrist[0, side], torch.zeros(10))
-    model = mean_hands()[side].model
+    model = load_hand(SIDES[side])
     return PosedTrack(SIDES[side], model, *parameters, skin, joints, there, FPS, lambda _: distance)
 
 

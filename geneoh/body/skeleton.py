@@ -15,7 +15,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES, Side
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import mean_hand
 from geneoh.hand.skeleton import FINGERS
 from geneoh.hand.skeleton import PARENTS as HAND_PARENTS
 
@@ -82,7 +82,7 @@ def embedded_skeleton() -> Skeleton:
     """The skeleton that ships with geneoh; its hands are those of `geneoh.hand.embedded`."""
     places = torch.tensor([_rest_place(name) for name in BODY_NAMES])
     body = places - places[list((0, *BODY_PARENTS[1:]))]
-    hands = [load_hand(side).shaped(torch.zeros(10)).offsets[:15] for side in SIDES]
+    hands = [mean_hand(side).offsets[:15] for side in SIDES]
     return Skeleton(torch.cat([body, *hands]))
 
 

@@ -44,8 +44,10 @@ def hand_model(
 
 
 @cache
-def embedded_right() -> HandModel:
-    """The right hand, read once."""
+def embedded_hand(side: Side) -> HandModel:
+    """The hand of one side, made once."""
+    if side == "left":
+        return embedded_hand("right").mirrored()
     arrays = read_arrays()
     pose = {name: torch.from_numpy(arrays[name]) for name in POSE}
     return hand_model("embedded", "right", arrays, pose)

@@ -1,14 +1,16 @@
 """Hand models by side and source, and the choice of the one that poses a track."""
 
-from functools import cache
 from pathlib import Path
 
+import torch
+from jaxtyping import Float
+from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.choices import HandSource, Side
-from geneoh.hand.embedded import embedded_right
+from geneoh.choices import SIDES, HandSource, Side
+from geneoh.hand.embedded import embedded_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, load_mano
-from geneoh.hand.model import HandModel
+from geneoh.hand.model import HandModel, ShapedHand
 
 
 def load_hand(
@@ -28,7 +30,7 @@ def load_hand(
     """
     match source:
         case "embedded":
-            return embedded_right() if side == "right" else _embedded_left()
+            return embedded_hand(side)
         case "mano" | "mano-as-shipped":
             return load_mano(side, mano_dir, name=source)
         case _:
@@ -55,7 +57,11 @@ def hand_of_betas(
     return load_hand(side, source=asked, mano_dir=mano_dir)
 
 
-@cache
-def _embedded_left() -> HandModel:
-    """The mirror image of the right hand, made once."""
-    return embedded_right().mirrored()
+def mean_hand(side: Side) -> ShapedHand:
+    """The embedded hand of one side with the mean shape."""
+    return embedded_hand(side).shaped(torch.zeros(10))
+
+
+def mean_skeletons() -> Float[Tensor, "2 1 20 3"]:
+    """Bone offsets of the left and the right hand of the mean shape, the same in all frames."""
+    return torch.stack([mean_hand(side).offsets for side in SIDES])[:, None]

@@ -24,7 +24,7 @@ from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.values import read_values
 from geneoh.geometry.mirror import MIRROR
-from geneoh.hand.embedded import POSE, TIP_VERTS, embedded_right, hand_model
+from geneoh.hand.embedded import POSE, TIP_VERTS, embedded_hand, hand_model
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import LARGEST_HAND, PARENTS, SMALLEST_HAND
 
@@ -216,8 +216,7 @@ def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:
 
 def _model(side: Side, fields: dict[str, np.ndarray], name: ManoName) -> HandModel:
     """A `HandModel` of the fields, with the embedded hand's joint limits (same rest frame)."""
-    limits = embedded_right() if side == "right" else embedded_right().mirrored()
-    pose = {name: getattr(limits, name) for name in POSE}
+    pose = {name: getattr(embedded_hand(side), name) for name in POSE}
     if "hands_mean" in fields:
         mean = torch.from_numpy(fields["hands_mean"].astype(np.float32)).reshape(15, 3)
         pose["pose_mean"] = torch.cat([torch.zeros(1, 3), mean])

@@ -9,8 +9,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import SIDES
 from geneoh.geometry.oriented_points import signed_to_points
-from geneoh.hand.library import load_hand
-from geneoh.hand.model import ShapedHand
+from geneoh.hand.library import mean_hand
 from geneoh.metrics.realism import SurfacePoints, moved_alone, realistic_share, touched_points
 from geneoh.metrics.report import measure_frames
 from geneoh.metrics.smoothness import mean_over_frames
@@ -30,8 +29,8 @@ class PosedActions(Bundle):
 def posed_actions(actions: Actions) -> PosedActions:
     """The embedded hands with mean shape, and the object's points, in every frame."""
     made = [
-        shaped.posed(actions.pose[:, side], actions.wrist[:, side])
-        for side, shaped in enumerate(mean_hands())
+        mean_hand(side).posed(actions.pose[:, number], actions.wrist[:, number])
+        for number, side in enumerate(SIDES)
     ]
     absent = ~actions.hands[:, :, None, None, None]
     joints, skin = (
@@ -46,11 +45,6 @@ def surface_motion(actions: Actions) -> SurfacePoints:
     points = actions.posed_points() @ actions.rotation.mT + actions.translation[:, :, None]
     normals = actions.posed_normals() @ actions.rotation.mT
     return SurfacePoints(points, normals, actions.length)
-
-
-def mean_hands() -> tuple[ShapedHand, ...]:
-    """The left and the right embedded hand with mean shape."""
-    return tuple(load_hand(side).shaped(torch.zeros(10)) for side in SIDES)
 
 
 WITHIN = 0.05  # distance to the object's points beyond which vertices are not measured, metres

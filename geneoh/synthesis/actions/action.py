@@ -7,11 +7,10 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import SIDES
 from geneoh.geometry.mirror import mirror_axes, mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.geometry.rigid import Rigid, joint_poses, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import mean_skeletons
 from geneoh.hand.skeleton import forward_kinematics
 
 NEAR = 0.02
@@ -103,15 +102,8 @@ class Actions(Bundle):
 
     def keypoints(self) -> Float[Tensor, "B 2 T 21 3"]:
         """Keypoints of left and right hand in the world frame; meaningless for an absent hand."""
-        sides = [
-            forward_kinematics(
-                axis_angle_to_matrix(self.pose[:, number]),
-                self.wrist[:, number],
-                load_hand(side).shaped(self.wrist.new_zeros(1, 1, 10)).offsets,
-            )[0]
-            for number, side in enumerate(SIDES)
-        ]
-        return torch.stack(sides, 1)
+        offsets = mean_skeletons().to(self.wrist)
+        return forward_kinematics(axis_angle_to_matrix(self.pose), self.wrist, offsets)[0]
 
     def ended(self) -> "Actions":
         """The same actions with every frame after the end a copy of the last one before it."""

@@ -16,7 +16,7 @@ from geneoh.geometry.rotations import (
     matrix_to_axis_angle,
     rotation_6d_to_matrix,
 )
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import mean_skeletons
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions.action import Actions
 
@@ -98,8 +98,8 @@ class Tokens(Bundle):
 
     def joints(self) -> Float[Tensor, "B 2 T 21 3"]:
         """Keypoints of hands of the mean shape, in the hands' coordinate frame, metres."""
-        found = forward_kinematics(self.rotations, self.hands[..., :3], _mean_offsets(self.hands))
-        return found[0]
+        offsets = mean_skeletons().to(self.hands)
+        return forward_kinematics(self.rotations, self.hands[..., :3], offsets)[0]
 
     def joints_on_object(self) -> Float[Tensor, "B 2 T 21 3"]:
         """Keypoints in the frame of the object's first part."""
@@ -132,12 +132,6 @@ def columns(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 6"]:
 def from_columns(numbers: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
     """The rotation of two columns, made orthonormal; inverse of `columns`."""
     return rotation_6d_to_matrix(numbers.unflatten(-1, (3, 2)).mT.flatten(-2))
-
-
-def _mean_offsets(like: Tensor) -> Float[Tensor, "1 2 1 20 3"]:
-    """Skeletons of the mean left and right hand, to broadcast over clips and frames."""
-    found = [load_hand(s).shaped(torch.zeros(10)).offsets for s in ("left", "right")]
-    return torch.stack(found).to(like)[None, :, None]
 
 
 def tokens_of(actions: Actions, frame: HandFrame = "object") -> Tokens:

@@ -13,7 +13,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import mean_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import (
@@ -103,7 +103,7 @@ def table_of(actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Tabl
 
 def mean_offsets() -> Float[Tensor, "1 20 3"]:
     """Bone offsets of the mean right hand."""
-    return load_hand("right").shaped(torch.zeros(1, 10)).offsets
+    return mean_hand("right").offsets[None]
 
 
 def frames_of_motion(actions: Actions) -> Bool[Tensor, " T"]:
