@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -19,7 +20,7 @@ from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.refine import refine_object
-from geneoh.pipeline.examination.examined import examined, trusted
+from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.rays import with_found_rays
@@ -137,7 +138,7 @@ def clean_interaction(
         notes.append(NO_OBJECT)
         notes += [NOT_REFINED] if options.refine_object else ()
     notes += filled_poses(motion) if chosen.has_object else ()
-    ready = trusted(sequence.hands, motion)
+    ready = Examined(sequence.hands, motion, torch.ones(len(motion.rotation), 1))
     if chosen.clean_object:
         ready = examined(sequence.hands, motion, sequence.fps)
     sequence = replace(sequence, hands=ready.hands)

@@ -15,6 +15,7 @@ from geneoh.evaluation.generation.classifier import (
     ActionClassifier,
     ClassifierConfig,
     ClassifierTask,
+    classified,
 )
 from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
 from geneoh.evaluation.generation.report import GenerationReport
@@ -36,7 +37,6 @@ from geneoh.evaluation.generation.scores import (
     ScoredClips,
     mean_scores,
     repeat,
-    scored_by,
 )
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.generators.text2hoi.learning.action_data import action_data
@@ -178,7 +178,10 @@ def scores_under(
     options: GenerationOptions,
 ) -> dict[str, RowScores]:
     """The scores of all rows with one classifier."""
-    scored = {name: scored_by(model, *row) for name, row in rows.items()}
+    scored = {}
+    for name, (clips, measures) in rows.items():
+        features, scores = classified(model, clips)
+        scored[name] = ScoredClips(features, clips.verb, scores, measures)
     scored = with_random_verbs(scored, options.seed)
     return repeat(scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES)
 

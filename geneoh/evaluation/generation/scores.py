@@ -14,7 +14,6 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.evaluation.generation.classifier import ActionClassifier, classified
 from geneoh.evaluation.generation.measures import ClipMeasures
 from geneoh.metrics.features import (
     Interval,
@@ -25,7 +24,6 @@ from geneoh.metrics.features import (
     top_accuracy,
 )
 from geneoh.seeds import seeded_generator
-from geneoh.synthesis.actions.action import Actions
 
 TOP = 3  # the k of the top-k accuracy (paper)
 REPETITIONS = 20  # random splits of the conditions (paper)
@@ -90,12 +88,6 @@ class RowScores:
 
 
 Scored = TypeVar("Scored", bound=ClipFeatures)
-
-
-def scored_by(model: ActionClassifier, clips: Actions, measures: ClipMeasures) -> ScoredClips:
-    """Classify the clips of a row and combine the result with their measures."""
-    features, scores = classified(model, clips)
-    return ScoredClips(features, clips.verb, scores, measures)
 
 
 def repeat(

@@ -3,7 +3,6 @@ low-pass filter that was applied to only one of hand and object."""
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -36,11 +35,6 @@ class Examined:
         """The object without parts that were never seen: these are at the origin, where a hand must
         not collide with them."""
         return self.object.of_parts(self.object.seen_parts) if self.object.meshes else self.object
-
-
-def trusted(hands: tuple[HandTrack, ...], motion: ObjectTrack) -> Examined:
-    """Unchanged hands and object, with reliability 1."""
-    return Examined(hands, motion, torch.ones(len(motion.rotation), 1))
 
 
 def examined(hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float) -> Examined:

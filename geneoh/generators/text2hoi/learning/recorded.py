@@ -93,7 +93,8 @@ def action_of(
         return f"of fewer than {SHORTEST} frames"
     if not bool(known[chosen].all()):
         return "in which the object is not seen"
-    seen = [track for track in recording.hands if usable(track, chosen)]
+    posed = (hand for hand in recording.hands if hand.pose is not None and hand.wrist is not None)
+    seen = [hand for hand in posed if bool(hand.valid[chosen].all())]
     first = int(torch.nonzero(known)[0])
     place = ActionFrame.of(recording, int(chosen[0]), first, surface, up)
     action = _with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
@@ -108,11 +109,6 @@ def action_of(
     there = near[None, :, None, None].float()
     pose, wrist = action.pose * there[..., None], action.wrist * there
     return replace(action, hands=near[None], pose=pose, wrist=wrist).ended()
-
-
-def usable(track: HandTrack, chosen: Int[Tensor, " N"]) -> bool:
-    """Whether a hand has pose parameters in all chosen frames."""
-    return track.pose is not None and track.wrist is not None and bool(track.valid[chosen].all())
 
 
 def object_action(
