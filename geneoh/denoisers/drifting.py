@@ -26,10 +26,10 @@ SIZES = (0.0, 0.003, 0.006, 0.01)
 """Candidate standard deviations per axis of the drift of the whole hand, metres."""
 RAY_SIZES = (0.0, 0.005, 0.01)
 """Candidate standard deviations of additional drift along the camera ray, if known, metres."""
-LOOSE, LEAST_HELD = 0.02, 1e-6
+LOOSE_HOLD, LEAST_HELD = 0.02, 1e-6
 """Standard deviation of the position of a hand that holds the object with probability 0.5, metres;
 and the lower bound of this probability, which keeps the variance of a free hand finite."""
-FAR = 0.04
+FAR_FROM_MEDIAN = 0.04
 """Distance from the median position on the object, metres, at which a frame loses half its weight:
 the hand holds the object elsewhere, or the object's pose is wrong."""
 EVERY = 3
@@ -55,8 +55,8 @@ def drift(
     own = own + QUICK**2 * torch.exp(-apart[some] / QUICK_FRAMES)
     usual = torch.where(sure[..., None] > 0.5, place, torch.nan).nanmedian(1, keepdim=True).values
     away = (place - usual).nan_to_num().norm(dim=-1)
-    sure = (sure / (1 + (away / FAR).pow(8))).clamp(min=LEAST_HELD)
-    unsure = LOOSE**2 * (1 / sure - 1) + noise.double() / 3
+    sure = (sure / (1 + (away / FAR_FROM_MEDIAN).pow(8))).clamp(min=LEAST_HELD)
+    unsure = LOOSE_HOLD**2 * (1 / sure - 1) + noise.double() / 3
     steady = _flat((own + torch.diag_embed(unsure))[:, :, None, :, None] * _axes(turn)[:, None])
     found, likely = [], []
     for ways in _ways_to_drift(held, ray):

@@ -26,7 +26,7 @@ from geneoh.sequence.keypoints import palm_axes
 
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 SHIFT_UNIT = 0.02  # unit of shifts as network input, metres
-REACH = 0.1  # longer shifts have zero density, metres: training has none
+LONGEST_SHIFT = 0.1  # longer shifts have zero density, metres: training has none
 PRIOR_RANGE = (0.0005, 0.06)  # range of the prior's standard deviation, metres
 SPEED_FRAMES = 2  # speeds are differences over this many frames before and after
 SPEED_UNIT = 0.003  # unit of speeds as network input, metres per frame
@@ -244,7 +244,7 @@ class SpatialDenoiser(nn.Module):
             density = finite_output(density)
             if besides is not None:
                 density = density + besides(world)
-            return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
+            return density.masked_fill(shifts.norm(dim=-1) > LONGEST_SHIFT, -torch.inf)
 
         return importance_posterior(
             within_reach,

@@ -23,9 +23,9 @@ from geneoh.sequence.keypoints import palm_axes
 
 STEP_UNIT = 0.003  # typical step of a keypoint over the surface between frames, metres
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres
-SMOOTHING = (1.0, 2.5, 6.0)  # standard deviations of the Gaussian filters of steps, frames
+STEP_FILTERS = (1.0, 2.5, 6.0)  # standard deviations of the Gaussian filters of steps, frames
 TEMPORAL_FEATURES = 3 + 60 + 5 * 63 + 2 * 21 + 6 + 1  # width of `TemporalEvidence.features`
-CANDIDATES = 2 + len(SMOOTHING)  # candidate changes of each step that the network mixes
+CANDIDATES = 2 + len(STEP_FILTERS)  # candidate changes of each step that the network mixes
 ANSWERS = 21 * (CANDIDATES + 3 + 2)  # network outputs per frame
 SHAKING = 0.008  # input noise (standard deviation) at which positions get no extra weight, metres
 LEAST_NOISE = 0.05  # lower bound of `TemporalEvidence.noisiness`
@@ -168,7 +168,7 @@ class TemporalDenoiser(nn.Module):
         steps = evidence.steps[:, :-1]
         # candidates: zero motion over the surface, the observed steps, and smoothed steps
         observed = (evidence.observed - evidence.joints).diff(dim=1)
-        smoother = (gaussian_means(steps, deviation) - steps for deviation in SMOOTHING)
+        smoother = (gaussian_means(steps, deviation) - steps for deviation in STEP_FILTERS)
         candidates = torch.stack([-steps, observed, *smoother], dim=-1)
         change = (candidates * mix[..., None, :]).sum(-1)
         change = change + STEP_UNIT * offset @ axes[:, None].mT

@@ -27,7 +27,7 @@ FPS = 30.0
 SHARDS, CLIPS_PER_SHARD = 8, 96
 """Number of training shards that are compared, spread over the folder, and of clips in each."""
 MESH_EVERY = 10  # the mesh is measured in every tenth frame of synthetic clips, to save time
-NEAR = 0.025
+AT_OBJECT = 0.025
 """Largest distance in metres from the nearest keypoint to the object of a hand at the object. The
 classifier gets only snippets with the hand at the object in all frames."""
 TIPS = list(TIP_KEYPOINTS)
@@ -68,7 +68,7 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
         world=joints[None],
         object=local[None],
         valid=valid[None],
-        near=(valid & (gap < NEAR))[None],
+        near=(valid & (gap < AT_OBJECT))[None],
         **mesh_measures(verts[valid], joints[valid][:, TIPS], distance[valid], hand.faces),
     )
 
@@ -105,7 +105,7 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool) -> HandClips:
         world=world,
         object=local,
         valid=torch.ones_like(gap, dtype=torch.bool),
-        near=gap < NEAR,
+        near=gap < AT_OBJECT,
         **mesh_measures(verts, tips, distance, hand.faces),
     )
 

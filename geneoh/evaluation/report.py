@@ -61,7 +61,7 @@ class Evaluation:
     def bar_lines(self) -> str:
         """Description of the error bars in the bar plots; empty if they have none."""
         recordings = len({recording_of(score.clip) for score in self.scores})
-        if recordings >= tables.FEWEST:
+        if recordings >= tables.FEWEST_RECORDINGS:
             return f"{tables.LEVEL:.0%} intervals over {recordings} recordings"
         if self.seeds < 2:
             return ""

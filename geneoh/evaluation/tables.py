@@ -12,7 +12,7 @@ from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import COLUMNS, MEASURES, Measure, Score
 
 LEVEL = 0.95  # confidence level of intervals
-FEWEST = 8  # smallest number of recordings for an interval; fewer do not show the variance
+FEWEST_RECORDINGS = 8  # for an interval: fewer do not show the variance
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Cell:
     deviation: float | None
     """Standard deviation over seeds of the mean over clips; None with one seed."""
     low: float | None
-    """Lower bound of the mean's 95% interval over recordings; None with fewer than `FEWEST`."""
+    """Lower bound of the mean's 95% interval; None below `FEWEST_RECORDINGS`."""
     high: float | None
     """Upper bound of that interval."""
     count: int
@@ -148,10 +148,10 @@ def recordings_interval(recordings: Sequence[Sequence[float]]) -> tuple[float | 
 
     Windows and seeds of one recording are not independent. The mean is a ratio estimator (sum of
     values over their number), whose variance follows from the residual sums of the recordings; the
-    interval uses Student's t. None with fewer recordings than `FEWEST`.
+    interval uses Student's t. None with fewer recordings than `FEWEST_RECORDINGS`.
     """
     count, size = len(recordings), sum(map(len, recordings))
-    if count < FEWEST:
+    if count < FEWEST_RECORDINGS:
         return None, None
     mean = sum(map(sum, recordings)) / size
     squares = sum((sum(values) - mean * len(values)) ** 2 for values in recordings)

@@ -18,7 +18,7 @@ STEP_STD = 0.0015
 """Standard deviation of a displacement between frames at log weight 0, metres."""
 PLACE_STD = 0.008
 """Standard deviation of a keypoint position at log weight 0, metres."""
-AT_ONCE = 2**17
+MOST_POSITIONS = 2**17
 """Positions that are solved for in one batch, which bounds the memory."""
 
 
@@ -34,7 +34,7 @@ def align_to_steps(
     weights `steps` and `places` are those of `geneoh.denoisers.temporal.StepCorrection`; entries
     of the last frame in `change` and `steps` are ignored.
     """
-    size = max(1, AT_ONCE * steps.shape[-1] // steps.numel())
+    size = max(1, MOST_POSITIONS * steps.shape[-1] // steps.numel())
     some = (change.split(size, -2), steps.split(size, -1), places.split(size, -1))
     return torch.cat([_aligned_to_steps(*each) for each in zip(*some, strict=True)], dim=-2)
 

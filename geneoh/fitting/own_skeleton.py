@@ -15,7 +15,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import bones_at_rest, forward_kinematics, trust_of_bones
 
-ALIKE = 10.0  # correlation time of tracker errors, frames: so many frames count as one sample
+CORRELATION_FRAMES = 10.0  # of tracker errors: so many frames count as one sample
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def _lasting(
     count = weight.sum(0)
     mean = (weight * missed).sum(0) / count
     spread = (weight * (missed - mean).square()).sum(0) / (count - 1).clamp(min=1e-6)
-    chance = ALIKE * spread.sum(-1, keepdim=True) / count
+    chance = CORRELATION_FRAMES * spread.sum(-1, keepdim=True) / count
     square = mean.square().sum(-1, keepdim=True)
     share = ((square - chance) / square.clamp(min=1e-12)).clamp(min=0)
     return torch.where(count > 1, share, 0.0) * mean

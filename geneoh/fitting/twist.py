@@ -21,9 +21,9 @@ from geneoh.hand.model import HandModel
 BONES = ((1, 2, 15), (4, 5, 16), (7, 8, 17), (10, 11, 18), (13, 14, 19))
 """Row of the rest offsets of the bone after each joint of each finger; the last end in the tips."""
 STEP = math.radians(15)  # step of the grid of twists
-FEWEST = 15  # frames that are needed to distinguish a constant twist from tracker noise
+FEWEST_FRAMES = 15  # frames that are needed to distinguish a constant twist from tracker noise
 LOOKED_AT = 16  # evenly spaced frames from which a twist is detected
-LASTING = 10.0  # standard deviation of the temporal Gaussian that removes noise, frames
+NOISE_FILTER = 10.0  # standard deviation of the temporal Gaussian that removes noise, frames
 NATURAL = 1.3  # standard deviation of natural poses in units of the model's `pose_std`
 OFFSET = 0.25  # standard deviation of a tracker's constant pose error, radians per component
 SURE = 27.0
@@ -44,9 +44,9 @@ def untwisted(subject: Subject) -> Subject:
     """The subject with the twist about the bones removed from its pose, and a note that says so.
 
     Keypoints do not move. The subject is unchanged if its pose is not twisted, if it has no pose,
-    or if it has fewer than `FEWEST` frames.
+    or if it has fewer than `FEWEST_FRAMES` frames.
     """
-    if subject.start is None or len(subject.joints) < FEWEST:
+    if subject.start is None or len(subject.joints) < FEWEST_FRAMES:
         return subject
     model, rotations, offsets = subject.shaped.model, subject.start.rotations[0], subject.offsets[0]
     fingers, bones = fingers_of(rotations), bones_of(offsets)
@@ -92,7 +92,7 @@ def lasting(fingers: Float[Tensor, "5 T 3 3 3"], count: int) -> Float[Tensor, "5
     """Rotations at `count` evenly spaced frames, each a Gaussian mean over neighbouring frames."""
     time = torch.arange(fingers.shape[1]).to(fingers)
     middle = torch.linspace(0, fingers.shape[1] - 1, count).to(fingers)
-    weight = torch.softmax(-0.5 * ((middle[:, None] - time) / LASTING).square(), dim=-1)
+    weight = torch.softmax(-0.5 * ((middle[:, None] - time) / NOISE_FILTER).square(), dim=-1)
     return nearest_rotations(torch.einsum("nt,ftjrc->fnjrc", weight, fingers))
 
 

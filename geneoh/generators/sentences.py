@@ -9,7 +9,7 @@ from geneoh.files.reading import read_bytes
 
 LONGEST = 60  # words; a sentence of Text2HOI has 8, a description of BOTH57M 14 to 33
 ENGLISH = 0.4  # least share of words that must be known for a sentence to count as English
-ALIKE = 0.8  # least similarity (difflib) of a misspelt word to the word that is meant
+LEAST_SIMILARITY = 0.8  # least similarity (difflib) of a misspelt word to the word that is meant
 FILE_LIMIT = 100_000  # largest size of a file with a prompt, bytes
 
 
@@ -75,5 +75,5 @@ def nearest_word(word: str, known: Collection[str]) -> str | None:
         return None
     same = sorted(e for e in known if e[0] == word[0] and abs(len(e) - len(word)) <= 1)
     swapped = [each for each in same if sorted(each) == sorted(word)]
-    near = swapped or difflib.get_close_matches(word, same, 1, ALIKE)
+    near = swapped or difflib.get_close_matches(word, same, 1, LEAST_SIMILARITY)
     return near[0] if near else None

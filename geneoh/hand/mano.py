@@ -29,7 +29,7 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import LARGEST_HAND, PARENTS, SMALLEST_HAND
 
 ENVIRONMENT = "GENEOH_MANO_DIR"
-LARGEST = 2**32  # no number of a MANO file is larger: the parent of the root is stored as 2**32 - 1
+LARGEST_NUMBER = 2**32  # of a MANO file: the parent of the root is stored as 2**32 - 1
 HOME = "https://mano.is.tue.mpg.de"
 FOLDERS = ("", "models", "mano", "mano_v1_2/models")
 """Sub-folders of the user's folder that are searched: as unpacked, or as smplx expects them."""
@@ -143,10 +143,10 @@ def _read_fields(path: Path, needed: tuple[str, ...] = FIELDS) -> dict[str, np.n
 def _array(path: Path, name: str, value: Any) -> np.ndarray:
     """One field as an array of numbers."""
     array = value if isinstance(value, np.ndarray) else np.zeros(0, dtype=object)
-    if array.dtype.kind not in "fiu" or not (np.abs(array.astype(float)) <= LARGEST).all():
+    if array.dtype.kind not in "fiu" or not (np.abs(array.astype(float)) <= LARGEST_NUMBER).all():
         got = array.dtype if isinstance(value, np.ndarray) else type(value).__name__
         raise InputError(
-            f"{path}: '{name}' must hold finite numbers up to {LARGEST}, got {got}; "
+            f"{path}: '{name}' must hold finite numbers up to {LARGEST_NUMBER}, got {got}; "
             f"use the official file from {HOME}"
         )
     return array

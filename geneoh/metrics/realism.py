@@ -30,7 +30,7 @@ from geneoh.metrics.contact import MOVING, TOUCH
 GRAVITY = 9.81  # m/s²
 FRICTION = 0.8
 LEFT = 0.1  # largest residual wrench of a realistic frame, in units of the weight
-NEAR = 0.02  # distance from a keypoint to the object up to which a hand is near, metres (paper)
+NEAR_HAND = 0.02  # distance from a keypoint to the object of a hand near it, metres (paper)
 SPAN = 2  # step in frames of second differences: a step of one frame shows mostly noise
 SPREAD = 32  # most contact points of a frame, chosen far apart, through which forces act
 STEPS = 200  # iterations of the solver for the forces
@@ -75,7 +75,7 @@ def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfacePoints) -> Flo
     shares = []
     for clip, moves in enumerate(surface.moves):
         apart = pairwise_distances(joints[clip, moves], surface.points[clip, moves])
-        shares.append((~(apart <= NEAR).flatten(1).any(1)).to(joints).mean())
+        shares.append((~(apart <= NEAR_HAND).flatten(1).any(1)).to(joints).mean())
     return torch.stack(shares)
 
 

@@ -23,7 +23,7 @@ from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages.alone import measure_hand
-from geneoh.pipeline.touch import REACH, finger_contact
+from geneoh.pipeline.touch import EXACT_WITHIN, finger_contact
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
 
@@ -113,7 +113,7 @@ class FittedHand:
             self.given, subject.shaped, self.given_joints, self.surface, fps, observed
         )
         after, apart = measure_hand(
-            state, shaped, joints, self.surface, fps, observed, within=REACH
+            state, shaped, joints, self.surface, fps, observed, within=EXACT_WITHIN
         )
         touch = self.near.max() * self.poses
         seen = subject.trust > 0

@@ -11,7 +11,7 @@ from geneoh.hand.library import load_hand
 from geneoh.metrics.report import InteractionReport
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.stages.alone import measure_hand
-from geneoh.pipeline.touch import REACH
+from geneoh.pipeline.touch import EXACT_WITHIN
 from geneoh.sequence.resample import at_times, instants
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -53,6 +53,6 @@ def _measured(track: HandTrack, sequence: Sequence) -> InteractionReport:
     shaped = load_hand("right").shaped(track.betas)
     surface = motion.surface() if motion.meshes else None
     found, _ = measure_hand(
-        state, shaped, track.joints, surface, sequence.fps, track.valid, within=REACH
+        state, shaped, track.joints, surface, sequence.fps, track.valid, within=EXACT_WITHIN
     )
     return found

@@ -14,11 +14,11 @@ ALONE = 3.0
 """Factor on the expected error of a hand that is cleaned without the object, whose samples share
 the unknown error of position. With it, 87 to 98% of the true keypoints of synthetic clips are in
 the 90% radius, depending on the noise, and 51% under camera noise."""
-LASTING = 10.0
+DIFFERENCE_FILTER = 10.0
 """Standard deviation in frames of the Gaussian filter on the samples' differences. Differences that
 change from frame to frame cancel in the mean of the samples and are left out."""
 
-REACH = 150
+FILTER_END = 150
 """Frames beyond which the filter's weight is zero in float32."""
 
 
@@ -37,9 +37,9 @@ def joint_spread(
     """
     found, frames = [], samples.shape[1]
     for block in blocks(frames):
-        wide, inner = widened(block, REACH, frames)
+        wide, inner = widened(block, FILTER_END, frames)
         near = samples[:, wide]
-        kernel = filter_kernels(near.new_ones(1, near.shape[1]), (LASTING,))[0, 0, inner]
+        kernel = filter_kernels(near.new_ones(1, near.shape[1]), (DIFFERENCE_FILTER,))[0, 0, inner]
         apart = torch.einsum("tu,sukc->stkc", kernel, near - near.mean(0))
         found.append(scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt())
     spread = torch.cat(found)

@@ -11,7 +11,7 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import FINGERS, KEYPOINT_FINGERS, TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
 
-REACH = 0.015
+EXACT_WITHIN = 0.015
 """Distance up to which the distance of a finger to the object must be exact, metres."""
 NEARER = 0.0027
 """Mean distance by which touching fingers are too far from the object in results, metres."""
@@ -47,9 +47,9 @@ def fingers_apart(
     verts: Float[Tensor, "T V 3"], surface: MovingSurface, model: HandModel
 ) -> Float[Tensor, "T 5"]:
     """Least signed distance of each finger's skin to the object, metres, negative inside, exact up
-    to `REACH`; fingers in the order of the keypoints. Every second vertex is used."""
+    to `EXACT_WITHIN`; fingers in the order of the keypoints. Every second vertex is used."""
     fingers = [finger[::2] for finger in verts_of_fingers(model)]
-    query = replace(surface, within=REACH).query(verts[:, torch.cat(fingers)])
+    query = replace(surface, within=EXACT_WITHIN).query(verts[:, torch.cat(fingers)])
     parts = query.distance.split([len(finger) for finger in fingers], dim=-1)
     return torch.stack([part.amin(-1) for part in parts], dim=-1)
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from geneoh.geometry.distance import pairwise_distances
 from geneoh.representation.region import ObjectSurface
 
-AT_ONCE = 2**24  # pairwise distances that `nearest_of_all` holds in memory at once
+MOST_DISTANCES = 2**24  # pairwise distances that `nearest_of_all` holds in memory at once
 
 
 def nearest_points(
@@ -47,7 +47,7 @@ def nearest_of_all(
     joints: Float[Tensor, "*B N 3"], points: Float[Tensor, "*B P 3"]
 ) -> Int[Tensor, "*B N"]:
     """As `nearest_in_tree`, by all pairwise distances, on any device."""
-    size = max(1, AT_ONCE // max(1, joints[..., :1, 0].numel() * points.shape[-2]))
+    size = max(1, MOST_DISTANCES // max(1, joints[..., :1, 0].numel() * points.shape[-2]))
     some = joints.split(size, -2)
     return torch.cat([pairwise_distances(each, points).argmin(-1) for each in some], dim=-1)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-LEAST = 1e-3
+LEAST_DEVIATION = 1e-3
 """Lower limit of a window's standard deviation, metres."""
 
 
@@ -26,7 +26,7 @@ class WindowScale:
         middle = tuple(range(1, windows.ndim - 1))
         mean = windows.mean(middle, keepdim=True)
         square = (windows - mean).square().mean((*middle, -1), keepdim=True)
-        return cls(mean, square.sqrt().clamp(min=LEAST))
+        return cls(mean, square.sqrt().clamp(min=LEAST_DEVIATION))
 
     def normalised(self, windows: Float[Tensor, "B *N 3"]) -> Float[Tensor, "B *N 3"]:
         """The windows with zero mean and unit standard deviation."""

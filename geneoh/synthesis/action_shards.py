@@ -54,7 +54,7 @@ class ActionSynthesisConfig(SynthesisConfig):
 
 
 DEFAULTS = ActionSynthesisConfig()
-FEWEST = 32  # actions for which grasps are tried at once; fewer take nearly as long
+TRIED_AT_ONCE = 32  # actions for which grasps are tried at once; fewer take nearly as long
 MOST_NAMES = 100_000  # no data set has more objects
 LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
 """Families with room for two hands on a table."""
@@ -78,7 +78,7 @@ def synthesize_actions(
     drawn = families + favoured * (config.favoured - 1)
     kept: list[Actions] = []
     while (missing := config.shard - sum(len(part.verb) for part in kept)) > 0:
-        wanted = max(missing, FEWEST)
+        wanted = max(missing, TRIED_AT_ONCE)
         tried = draw_attempts(config, drawn, wanted, generator=generator, scans=scans)
         standing = torch.tensor([stands_upright(name) for name in tried.families])
         toward = grasp_directions(tried.solids, tried.shared, standing)

@@ -14,7 +14,7 @@ from geneoh.synthesis.shapes.scans import Scans
 
 MOST_FRAMES = 9000
 """Frames of the longest clip: five minutes, in which a body walks 500 m. A shard with coordinates
-beyond `shards.LARGEST` (1000) would count as damaged."""
+beyond `shards.LARGEST_NUMBER` (1000) would count as damaged."""
 MOST_IN_SHARD = 1_000_000
 """Frames of all clips of the largest shard: all are in memory together, 7 to 15 KB per frame."""
 

@@ -40,7 +40,7 @@ class ShardSource(Protocol):
 
 DEFAULTS = SynthesisConfig()
 FORMER_FAMILIES = 32  # number of families of shards whose record does not hold it
-LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
+LARGEST_NUMBER = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ def refuse_damage(clips: Bundle, ranges: Mapping[str, tuple[int, int]]) -> None:
             continue
         if not value.numel():
             raise ValueError(f"nothing in '{name}'")
-        if value.is_floating_point() and not bool((value.abs() <= LARGEST).all()):
-            raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")  # or NaN
+        if value.is_floating_point() and not bool((value.abs() <= LARGEST_NUMBER).all()):
+            raise ValueError(f"numbers beyond {LARGEST_NUMBER:g} in '{name}'")  # or NaN
         least, most = ranges.get(name, (-torch.inf, torch.inf))
         if not bool(((value >= least) & (value <= most)).all()):
             raise ValueError(f"numbers in '{name}' that are not from {least} to {most}")

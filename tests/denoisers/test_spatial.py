@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from geneoh.denoisers.spatial import (
+    LONGEST_SHIFT,
     PRIOR_RANGE,
-    REACH,
     TRACK_CUES,
     SpatialConfig,
     SpatialDenoiser,
@@ -112,7 +112,7 @@ def test_nothing_is_moved_beyond_the_reach_of_training(evidence):
 
     far, generator = Far(TINY).requires_grad_(False), torch.Generator().manual_seed(0)
     found = far.posterior(evidence, TURN, rounds=4, places=200, generator=generator)
-    assert float(found.mean.norm(dim=-1).max()) <= REACH
+    assert float(found.mean.norm(dim=-1).max()) <= LONGEST_SHIFT
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 6])

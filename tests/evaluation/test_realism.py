@@ -18,9 +18,9 @@ from geneoh.evaluation.realism import (
     table,
 )
 from geneoh.evaluation.realism_clips import (
+    AT_OBJECT,
     FPS,
     MESH_EVERY,
-    NEAR,
     HandClips,
     recorded_clip,
     synthetic_clips,
@@ -180,7 +180,7 @@ def test_a_recording_is_measured_as_a_right_hand_around_its_object(mirrored):
     torch.testing.assert_close(still[0], still[1], atol=1e-5, rtol=0)
     apart = found.object[0, 0, 8].norm()
     assert float(apart) == pytest.approx(0.018, abs=1e-3)
-    assert float(apart) < NEAR
+    assert float(apart) < AT_OBJECT
 
 
 def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):

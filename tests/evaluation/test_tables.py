@@ -6,7 +6,7 @@ import pytest
 
 from geneoh.evaluation.scores import Score
 from geneoh.evaluation.tables import (
-    FEWEST,
+    FEWEST_RECORDINGS,
     as_markdown,
     as_text,
     blocks_of,
@@ -47,7 +47,7 @@ def test_the_interval_holds_the_true_mean_as_often_as_it_says():
     """Eight recordings of unequal numbers of windows, which differ more than their windows do."""
     drawn, held = random.Random(0), 0
     for _ in range(1000):
-        recordings = [[drawn.gauss(0, 1)] * drawn.randint(1, 6) for _ in range(FEWEST)]
+        recordings = [[drawn.gauss(0, 1)] * drawn.randint(1, 6) for _ in range(FEWEST_RECORDINGS)]
         values = [[base + drawn.gauss(0, 0.3) for base in each] for each in recordings]
         low, high = recordings_interval(values)
         held += low <= 0 <= high
@@ -57,9 +57,11 @@ def test_the_interval_holds_the_true_mean_as_often_as_it_says():
 
 def test_windows_and_hands_of_a_recording_count_once():
     names = ("s1/mug_2_left_00000", "s1/mug_2_right_00030", "s1/mug_2_00100_right_00030")
-    windows = [score("a", float(place), clip) for place, clip in enumerate(names * FEWEST)]
+    windows = [
+        score("a", float(place), clip) for place, clip in enumerate(names * FEWEST_RECORDINGS)
+    ]
     assert cell_of(windows, "mpjpe_mm").low is None
-    made = [score("a", float(place), f"mug_0000{place}") for place in range(FEWEST)]
+    made = [score("a", float(place), f"mug_0000{place}") for place in range(FEWEST_RECORDINGS)]
     assert cell_of(made, "mpjpe_mm").low == pytest.approx(3.5 - 2.365 * 6**0.5 / 8**0.5, abs=1e-3)
 
 

@@ -125,5 +125,5 @@ def test_steps_that_are_not_to_change_leave_every_place():
 def test_a_long_track_is_aligned_some_keypoints_at_a_time(monkeypatch):
     given = normal(7, 21, 3), normal(7, 21, seed=1), normal(7, 21, seed=2)
     whole = align_to_steps(*given)
-    monkeypatch.setattr("geneoh.fitting.align.AT_ONCE", 28)
+    monkeypatch.setattr("geneoh.fitting.align.MOST_POSITIONS", 28)
     assert torch.equal(align_to_steps(*given), whole)

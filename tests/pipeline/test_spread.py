@@ -1,7 +1,7 @@
 import torch
 from draws import normal
 
-from geneoh.pipeline.spread import ALONE, LASTING, SCALE, joint_spread
+from geneoh.pipeline.spread import ALONE, DIFFERENCE_FILTER, SCALE, joint_spread
 from geneoh.sequence import windows
 
 
@@ -34,7 +34,7 @@ def test_disagreement_that_comes_and_goes_hardly_counts():
     frames = 200
     shaking = joint_spread(0.004 * normal(50, frames, 21, 3))[50:150].square().mean().sqrt()
     # a Gaussian filter leaves 1 / (2 sqrt(pi) deviation) of the variance of white noise
-    left = (2 * torch.pi**0.5 * LASTING) ** -0.5
+    left = (2 * torch.pi**0.5 * DIFFERENCE_FILTER) ** -0.5
     torch.testing.assert_close(
         shaking, torch.tensor(SCALE * 0.004 * 3**0.5 * left), atol=0, rtol=0.1
     )

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from geneoh.synthesis.shapes.solids import FAR, SOLIDS, Solids
+from geneoh.synthesis.shapes.solids import FAR_AWAY, SOLIDS, Solids
 
 
 def solid(
@@ -13,7 +13,7 @@ def solid(
     center: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Solids:
     """One upright solid; the other places are parked far away, as `draw_objects` does."""
-    away = torch.full((1, SOLIDS, 3), FAR)
+    away = torch.full((1, SOLIDS, 3), FAR_AWAY)
     away[0, 0] = torch.tensor(center)
     sizes = torch.full((1, SOLIDS, 3), 0.01)
     sizes[0, 0] = torch.tensor(size)

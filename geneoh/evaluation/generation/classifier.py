@@ -23,11 +23,11 @@ from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import Task, first_weights
 
-SEEN = 15  # frames of a clip in the input (paper)
+FRAMES_READ = 15  # frames of a clip in the input (paper)
 SCALE = 5.0  # factor of positions, 1/m, by which inputs are of order one
 POINTS = 2 * 2 * 21 + 3  # keypoints in both frames, the object's position, two of its axes
 INPUTS = 3 * POINTS + 3  # features per frame; the last are the joint and the mask of hands
-SMOOTHING = 0.1  # label smoothing, so that scores stay bounded
+SOFTENED = 0.1  # label smoothing, so that scores stay bounded
 VALIDATED = 256  # largest number of validation clips in training
 
 
@@ -87,7 +87,7 @@ class LabelledClips:
 
     def loss(self, model: ActionClassifier) -> Tensor:
         """Cross entropy with smoothed labels."""
-        return nn.functional.cross_entropy(model(self.inputs), self.verb, label_smoothing=SMOOTHING)
+        return nn.functional.cross_entropy(model(self.inputs), self.verb, label_smoothing=SOFTENED)
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class ClassifierTask(Task):
         count = self.config.batch
         chosen = torch.randint(len(self.clips.verb), (count,), generator=generator)
         clips = self.clips.take(chosen, "B")
-        share = torch.rand(count, SEEN, generator=generator)
+        share = torch.rand(count, FRAMES_READ, generator=generator)
         angle = 2 * math.pi * torch.rand(count, generator=generator)
         turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[2])
         inputs = inputs_of(clips, frames_within(clips.length, share), turn)
@@ -151,7 +151,7 @@ def classified(
 
 def clip_inputs(clips: Actions) -> Float[Tensor, "B S D"]:
     """Input of the classifier for clips: evenly spaced frames from the first to the last."""
-    return inputs_of(clips, even_frames(clips.length, SEEN))
+    return inputs_of(clips, even_frames(clips.length, FRAMES_READ))
 
 
 def even_frames(length: Int[Tensor, " B"], count: int) -> Int[Tensor, "B S"]:

@@ -77,7 +77,7 @@ def chamfer(many: Float[Tensor, "B S 3"], one: Float[Tensor, "R 3"]) -> Float[Te
     return apart.amin(1).mean(1) + apart.amin(2).mean(1)
 
 
-AT_ONCE = 16  # clips that are sampled together
+BATCH = 16  # clips that are sampled together
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ def draw_clips(
     real = data.actions.take(slice(None))
     said = sentences(real, data, Draws(len(real.verb), generator))
     parts, every = [], torch.arange(real.joint.shape[1])
-    for start in steps(range(0, len(said), AT_ONCE), on_step):
-        some = real.take(slice(start, start + AT_ONCE), "B")
+    for start in steps(range(0, len(said), BATCH), on_step):
+        some = real.take(slice(start, start + BATCH), "B")
         objects = Objects.of(some)
-        asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
+        asked = objects, said[start : start + BATCH], hands_of(some), some.length
         given = None if contact else torch.zeros_like(objects.points[..., 0])
         verbs = [data.verb_words[verb] for verb in some.verb.tolist()]
         giver: list[Side | None] = [
@@ -126,11 +126,11 @@ def drawn_and_refined(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Ac
     """The sampled actions, with the paper's refiner if one is passed."""
     if refiner is None:
         return drawn.actions
-    parts = [drawn.take(slice(n, n + AT_ONCE), "B") for n in range(0, len(drawn.touched), AT_ONCE)]
+    parts = [drawn.take(slice(n, n + BATCH), "B") for n in range(0, len(drawn.touched), BATCH)]
     return concatenated([refined_by(refiner, some.actions, some.touched) for some in parts], "B")
 
 
-STILL = 0.3  # range of a joint's states below which it counts as still, radians or decimetres
+STILL_JOINT = 0.3  # range of a joint's states below which it counts as still, radians or decimetres
 
 
 def refined(
@@ -213,9 +213,9 @@ def held(clip: Actions, meshes: tuple[Mesh, ...], generator: torch.Generator) ->
 
 
 def joint_rests(clip: Actions) -> bool:
-    """Whether the joint in a batch of one clip moves by less than `STILL`."""
+    """Whether the joint in a batch of one clip moves by less than `STILL_JOINT`."""
     states = (clip.joint * clip.joint_units)[clip.valid]
-    return bool(states.max() - states.min() < STILL)
+    return bool(states.max() - states.min() < STILL_JOINT)
 
 
 def mean_joint(clip: Actions) -> Float[Tensor, "1 T"]:

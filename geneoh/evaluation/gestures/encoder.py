@@ -34,8 +34,8 @@ from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import Task, first_weights
 
-SEEN = 30  # frames of a clip that the encoder sees, evenly spaced from first to last
-AT_ONCE = 64  # clips whose features are computed together
+FRAMES_READ = 30  # frames of a clip that the encoder sees, evenly spaced from first to last
+BATCH = 64  # clips whose features are computed together
 LARGEST_INVERSE = 100.0  # largest inverse temperature of the loss
 
 
@@ -72,14 +72,14 @@ class Seen(Bundle):
     @staticmethod
     def of(clips: Gestures) -> "Seen":
         """Evenly spaced frames of clips, up to their ends."""
-        firsts = range(0, len(clips.body), AT_ONCE)  # rotations of all clips need much memory
-        parts = (clips.take(slice(first, first + AT_ONCE), "B") for first in firsts)
+        firsts = range(0, len(clips.body), BATCH)  # rotations of all clips need much memory
+        parts = (clips.take(slice(first, first + BATCH), "B") for first in firsts)
         return concatenated((Seen.moved(part, part.motion) for part in parts), "B")
 
     @staticmethod
     def moved(clips: Gestures, motion: BodyMotion) -> "Seen":
         """The same frames of clips whose skeletons move by `motion`."""
-        frames = even_frames(clips.length, SEEN)
+        frames = even_frames(clips.length, FRAMES_READ)
         rows = torch.arange(len(frames))[:, None]
         some = BodyMotion(motion.root[rows, frames], motion.rotations[rows, frames])
         posed = pose(clips.skeleton, placed(some, "world"))

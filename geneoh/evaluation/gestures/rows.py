@@ -17,7 +17,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.gestures.clips import Gestures
 
-AT_ONCE = 16  # clips that are sampled together
+BATCH = 16  # clips that are sampled together
 
 
 def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
@@ -64,9 +64,9 @@ def made_by_networks(
     """Hands that the networks generate for the real bodies with one sentence each."""
     config = Both2HandsSampling(steps=sampling_steps, branch=branch)
     parts = []
-    for start in steps(range(0, len(sentences), AT_ONCE), on_step):
-        some = real.take(slice(start, start + AT_ONCE), "B")
-        said = sentences[start : start + AT_ONCE]
+    for start in steps(range(0, len(sentences), BATCH), on_step):
+        some = real.take(slice(start, start + BATCH), "B")
+        said = sentences[start : start + BATCH]
         skeleton = some.skeleton
         parts.append(
             sample_hands(networks, some.motion, skeleton, said, config, generator=generator)

@@ -28,7 +28,7 @@ from geneoh.seeds import seed_of
 
 Item = TypeVar("Item")
 
-REACH = 0.15  # largest distance from the wrist to the object of a hand within reach, metres
+WITHIN_REACH = 0.15  # largest distance from the wrist to the object of a hand within reach, metres
 TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
 """GRAB: objects of TOCH's test split."""
 START_FRAMES = {
@@ -86,7 +86,7 @@ def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]
         first, sequence = clips.first_frame(recording, file), recording.sequence
         for hand in sequence.hands:
             other_touches = contact[OTHER_SIDE[hand.side]][first : first + sequence.frames]
-            kept = (clips.wrist_gap(hand, sequence.object) <= REACH) & ~other_touches
+            kept = (clips.wrist_gap(hand, sequence.object) <= WITHIN_REACH) & ~other_touches
             yield from clips.excerpts("grab", file, recording, hand.side, kept, options)
 
 
@@ -110,7 +110,7 @@ def cut_hoi4d(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip
 
 def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]:
     """Windows of the right hand in which the wrist is within reach in all frames."""
-    reach = REACH if options.reach == "paper" else math.sqrt(REACH)
+    reach = WITHIN_REACH if options.reach == "paper" else math.sqrt(WITHIN_REACH)
     for recording in clips.recordings_of("arctic", file, options.reader_options):
         every, far = np.ones(recording.sequence.frames, dtype=bool), None
         for hand in recording.sequence.hands:
@@ -142,7 +142,7 @@ def cut_taco(file: SourceClip, options: ProtocolOptions) -> Iterator[clips.Clip]
     """Windows of both hands, each with the object it holds, in frames with the wrist in reach."""
     for recording in clips.recordings_of("taco", file, options.reader_options):
         (hand,) = recording.sequence.hands
-        near = clips.wrist_gap(hand, recording.sequence.object) <= REACH
+        near = clips.wrist_gap(hand, recording.sequence.object) <= WITHIN_REACH
         yield from clips.excerpts("taco", file, recording, hand.side, near, options)
 
 

@@ -30,7 +30,7 @@ WRIST_OF = tuple(WRISTS[side] for side in SIDES for _ in FINGER_JOINTS[side])
 Scaling = Literal["deviation", "range"]
 """How features are normalised: each by its standard deviation; or positions by their range, to -1
 to 1, with rotations left as they are (paper's code)."""
-LEAST = (0.005, 0.02)
+LEAST_SCALE = (0.005, 0.02)
 """Lower bounds of the scale of a position (metres) and of a rotation's entry."""
 
 
@@ -126,7 +126,7 @@ class Scale(nn.Module):
         """Fit the scale to those frames of the data that are not padding."""
         seen = features[real]
         positions = torch.arange(len(self.middle)) < len(self.middle) // 3
-        least = torch.where(positions, *torch.tensor(LEAST))
+        least = torch.where(positions, *torch.tensor(LEAST_SCALE))
         if scaling == "deviation":
             self.middle.copy_(seen.mean(0))
             self.size.copy_(torch.maximum(seen.std(0, unbiased=False), least))

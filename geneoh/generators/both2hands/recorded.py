@@ -31,9 +31,9 @@ from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.data import TrainingData
 from geneoh.training.held_out import held_names
 
-SHORTEST = 30
+SHORTEST_RECORDING = 30
 """Frames of the shortest recording that is used."""
-STILL = 1e-3
+STILL_FINGERS = 1e-3
 """Largest change of rotation entries for which fingers count as not recorded, but left at rest."""
 
 
@@ -115,9 +115,9 @@ def reason_against(body: BodyRecording) -> str:
     fingers = body.motion.rotations[:, BODY_JOINTS:]
     if not body.has_fingers:
         return "without fingers"
-    if bool((fingers - fingers[:1]).abs().max() < STILL):
+    if bool((fingers - fingers[:1]).abs().max() < STILL_FINGERS):
         return "whose fingers never move"
-    return "" if body.frames >= SHORTEST else f"of fewer than {SHORTEST} frames"
+    return "" if body.frames >= SHORTEST_RECORDING else f"of fewer than {SHORTEST_RECORDING} frames"
 
 
 def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:

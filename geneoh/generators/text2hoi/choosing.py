@@ -13,7 +13,7 @@ from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import hand_spheres
 
-ARM = 0.1
+COMPARED_AT = 0.1
 """Distance of the points at which objects are compared from their origin, on each axis, metres."""
 MISSED_SHARE, MISSED = 0.25, 0.005
 """How far an object may be, on average, from its sampled motion when it moves only while a hand
@@ -97,7 +97,7 @@ def depth_in_object(actions: Actions) -> Float[Tensor, " B"]:
 def _object_places(actions: Actions) -> Float[Tensor, "B T 6 3"]:
     """Three points of each part of the objects in the world."""
     rotation, translation = actions.part_poses()
-    return (translation[..., None, :] + ARM * rotation.mT).flatten(2, 3)
+    return (translation[..., None, :] + COMPARED_AT * rotation.mT).flatten(2, 3)
 
 
 def _over_frames(values: Float[Tensor, "B T"], actions: Actions) -> Float[Tensor, " B"]:

@@ -30,7 +30,7 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.shots import SHOT_SECONDS, shots_of
 from geneoh.sequence.windows import runs
 
-SHORTEST = 5  # observed frames that are needed to distinguish faults from motion
+FEWEST_OBSERVED = 5  # observed frames that are needed to distinguish faults from motion
 IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
 PLACE_CHANGE, TURN_CHANGE = 0.1, 1.0
 LARGEST_PLACE, LARGEST_TURN = 0.25, 2.0
@@ -94,7 +94,7 @@ def faults(
     """Faults of a track: the mask of its frames (disjoint between faults), a description, and
     whether it concerns the fingers alone."""
     seen = hand.observed
-    if int(seen.sum()) < SHORTEST:
+    if int(seen.sum()) < FEWEST_OBSERVED:
         return
     joints, trusted = filled_keypoints(hand), hand.trust > 0
     parts = motion.seen_parts if motion.meshes else ()

@@ -19,14 +19,14 @@ EDGES = (*((KEYPOINT_PARENTS[k], k) for k in range(1, 21)), (1, 5), (5, 9), (9, 
 ENDS = torch.zeros(len(EDGES), 21).index_put_(
     (torch.arange(len(EDGES)).repeat(2), torch.tensor(EDGES).T.flatten()), torch.tensor(1.0)
 )
-SHORTEST = 10  # observed frames that are needed for reliable median distances
-LEAST, DEVIATIONS = 0.02, 6.0  # a distance is wrong beyond 2 cm and 6 standard deviations
+FEWEST_OBSERVED = 10  # observed frames that are needed for reliable median distances
+LEAST_ERROR, DEVIATIONS = 0.02, 6.0  # a distance is wrong beyond 2 cm and 6 standard deviations
 MOST = 5  # stray keypoints per frame; with more, the whole hand is wrong, or another hand
 
 
 def without_strays(hand: HandTrack) -> tuple[HandTrack, tuple[str, ...]]:
     """The track with zero confidence for stray keypoints, and sentences for the user."""
-    if hand.joints is None or int(hand.observed.sum()) < SHORTEST:
+    if hand.joints is None or int(hand.observed.sum()) < FEWEST_OBSERVED:
         return hand, ()
     stray = strays(hand.joints, hand.trust > 0)
     if not bool(stray.any()):
@@ -46,7 +46,7 @@ def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bo
     # the scale of a hand varies with the depth that an estimator assumes
     size = (length / usual).nanmedian(1, keepdim=True).values
     off = (length - size * usual).abs()
-    broken = off > (DEVIATIONS * 1.4826 * off.nanmedian(0).values).clamp(min=LEAST)
+    broken = off > (DEVIATIONS * 1.4826 * off.nanmedian(0).values).clamp(min=LEAST_ERROR)
     found, here = torch.zeros_like(trusted), (~off.isnan()).to(joints)
     mean = (off.nan_to_num() @ ends) / (here @ ends).clamp(min=1)
     for _ in range(MOST + 1):

@@ -26,7 +26,7 @@ from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
 from geneoh.sequence.keypoints import palm_axes
 
-FAR = 1.0  # distance of the dummy surface, metres: closeness features decay over centimetres
+DUMMY_DISTANCE = 1.0  # of the dummy surface, metres: closeness decays over centimetres
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class HandAlone(StageContext):
     def nearest_surface(
         self, joints: Float[Tensor, "T 21 3"]
     ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
-        """A dummy surface `FAR` away, with zero closeness features."""
+        """A dummy surface `DUMMY_DISTANCE` away, with zero closeness features."""
         up = joints.new_tensor([0.0, 0.0, 1.0]).expand_as(joints)
-        return joints + FAR * up, -up
+        return joints + DUMMY_DISTANCE * up, -up
 
 
 def hand_alone(subject: Subject, fps: float) -> HandAlone:

@@ -34,7 +34,7 @@ CONSTANT_SHARE = 0.85
 constant over the whole clip, such as errors of a camera's depth estimates."""
 TOGETHER = 64
 """Windows whose shifts are solved for jointly, about a minute: the cost is cubic in them."""
-LASTING, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
+DRIFT_FILTER, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
 """Low-pass filter and limit, metres, of the slow part of TemporalDiff's shift: 5 mm are usual."""
 
 
@@ -199,7 +199,7 @@ def without_drift(shift: Float[Tensor, "S T 21 3"], fps: float) -> Float[Tensor,
     Displacements do not determine positions: in motion that is faster than in training, small
     errors of many displacements add up to centimetres.
     """
-    lasting = smooth(shift.movedim(1, 0), LASTING, fps).movedim(0, 1)
+    lasting = smooth(shift.movedim(1, 0), DRIFT_FILTER, fps).movedim(0, 1)
     size = lasting.norm(dim=-1, keepdim=True)
     return shift - lasting * (1 - LARGEST_DRIFT / size.clamp(min=LARGEST_DRIFT))
 

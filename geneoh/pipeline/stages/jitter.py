@@ -13,7 +13,7 @@ QUIET, NOISY = 0.0015, 0.003
 unchanged, from the second on they are fully smoothed. Recorded hands have 0.0012."""
 GENTLE = Filter("gaussian", 1.0)
 """Filter for a hand alone; its size is in frames."""
-STILL, SHAKY = 0.0006, 0.0012
+STEADY, SHAKY = 0.0006, 0.0012
 """The same bounds for the remaining noise of samples in the object frame, metres; the fingertips of
 hands that hold have up to 0.0004."""
 SHAPE_KEEPING = Filter("savgol", 7.0)
@@ -45,7 +45,7 @@ def without_jitter_over_object(
     local, given = (samples - place) @ turn, (observed - place) @ turn
     if not (noisy := share_of_jitter(given, QUIET, NOISY)):
         return samples
-    left = [share_of_jitter(each, STILL, SHAKY) for each in context.cut(local.mean(0), 0)]
+    left = [share_of_jitter(each, STEADY, SHAKY) for each in context.cut(local.mean(0), 0)]
     if not any(left):
         return samples
     share = context.blend(samples.new_tensor(left)[:, None, None].expand(-1, context.size, 1))

@@ -29,7 +29,7 @@ from geneoh.synthesis.motions.object_motion import Standing, held_part
 from geneoh.synthesis.motions.schedule import Schedule
 from geneoh.synthesis.shapes.solids import Solids
 
-LASTING = 1000.0  # a time that lies outside of every action, frames
+NEVER = 1000.0  # a time that lies outside of every action, frames
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _draw_timing(
     """Moves of objects and times of hands; actions beyond `LONGEST` frames are sped up."""
     moves = moves_of(verb, radius, config.verbs, draws)
     close = draws.uniform(config.reach, 1) + config.offset * draws.share(2)
-    close = torch.where((verb == VERBS.index("put down"))[:, None], -LASTING, close)
+    close = torch.where((verb == VERBS.index("put down"))[:, None], -NEVER, close)
     held = draws.uniform(config.held)
     timing = _timing(verb, paired, moves, close, held, config)
     too_long = (timing.length - LONGEST).clamp(min=0)
@@ -208,7 +208,7 @@ def _timing(
     )
     let_go = torch.where(passed, meet + 0.7 * moves.rest[:, 2], end + config.grip)
     release = torch.stack([let_go, end + config.grip], 1)
-    release = torch.where(lifted[:, None], LASTING, release)
+    release = torch.where(lifted[:, None], NEVER, release)
     length = torch.where(lifted, end + held, end + config.grip + config.leave)
     return ActionTiming(close, release, start, length)
 

@@ -13,7 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import mean_skeletons
 from geneoh.hand.skeleton import forward_kinematics
 
-NEAR = 0.02
+TOUCHED = 0.02
 """Distance from a keypoint within which a point of the object counts as touched, metres (paper)."""
 FPS = 30.0
 """Frames a second of all actions."""

@@ -18,7 +18,7 @@ from geneoh.synthesis.actions.action import VERBS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
-MOVES = 10  # most moves of an action
+MOST_MOVES = 10  # most moves of an action
 WIDTHS = [1, 3, 3, 1, 1]  # number of values of each field of `Move`
 
 
@@ -211,6 +211,6 @@ def _packed(moves: list[Move], batch: int) -> Float[Tensor, "B K 9"]:
         return (value[:, None] if value.ndim == 1 else value).expand(batch, width)
 
     still = moves[-1]._replace(frames=0.0, rest=0.0)
-    padded = moves + [still] * (MOVES - len(moves))
+    padded = moves + [still] * (MOST_MOVES - len(moves))
     rows = [torch.cat(list(map(column, move, WIDTHS)), -1) for move in padded]
     return torch.stack(rows, 1)

@@ -33,7 +33,7 @@ from geneoh.synthesis.gestures.stance import (
 )
 from geneoh.synthesis.gestures.variation import HandSettings
 
-ARM = sum(
+ARM_LENGTH = sum(
     float(embedded_skeleton().offsets[JOINT_NAMES.index(f"left_{name}")].norm())
     for name in ("elbow", "wrist")
 )
@@ -138,7 +138,7 @@ def in_world(
     for index, side in enumerate(SIDES):
         shoulder = offsets[f"{side}_collar"] + offsets[f"{side}_shoulder"]
         arm = offsets[f"{side}_elbow"].norm(dim=-1) + offsets[f"{side}_wrist"].norm(dim=-1)
-        scaled = (arm / ARM)[:, None, None] * hands.place[:, :, index]
+        scaled = (arm / ARM_LENGTH)[:, None, None] * hands.place[:, :, index]
         # inward offsets scale with the shoulders' width, so that hands meet in any body's middle
         sideways, out = shoulder[:, None, 0], hands.place[:, :, index, 0]
         inward = sideways * (1 + out / SHOULDERS[index])

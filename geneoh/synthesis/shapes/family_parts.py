@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from geneoh.synthesis.shapes.solids import BOX, CYLINDER, FAR, TORUS
+from geneoh.synthesis.shapes.solids import BOX, CYLINDER, FAR_AWAY, TORUS
 
 Draw = Callable[[float, float], float]
 Vector = tuple[float, float, float]
@@ -32,7 +32,7 @@ class Shape:
         return min(self.rounding, 0.95 * min(self.size))
 
 
-UNUSED = Shape(BOX, (0.01, 0.01, 0.01), (FAR, FAR, FAR), rounding=0.0)
+UNUSED = Shape(BOX, (0.01, 0.01, 0.01), (FAR_AWAY, FAR_AWAY, FAR_AWAY), rounding=0.0)
 
 
 def rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> Shape:

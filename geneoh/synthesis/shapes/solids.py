@@ -20,7 +20,7 @@ SOLIDS = 4  # most solids of an object
 PARTS = 2  # rigid parts of an object: the first, and one on a joint
 BOX, CYLINDER, ELLIPSOID, TORUS, SCAN = range(5)  # kinds of solids; SCAN + n is scanned object n
 SURFACE_ERROR = 1e-5  # a projected point that is farther from the surface did not converge, metres
-FAR = 10.0  # coordinate of the centres of unused solids, metres, too far away to be near anything
+FAR_AWAY = 10.0  # coordinate of the centres of unused solids, metres, not near anything
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ class Solids(Bundle):
             half = size * self.scans.half[(self.kind - SCAN).clamp(min=0)]
             size = torch.where((self.kind >= SCAN)[..., None], half, size)
         reach = self.center.abs() + (self.rotation.abs() @ size[..., None])[..., 0]
-        return (reach * (self.center[..., :1] < FAR / 2)).amax(1)
+        return (reach * (self.center[..., :1] < FAR_AWAY / 2)).amax(1)
 
     def only(self, part: int) -> "Solids":
         """The objects reduced to one part; an object without that part has no solid left."""
         away = (self.part != part)[..., None]
-        return replace(self, center=torch.where(away, FAR, self.center))
+        return replace(self, center=torch.where(away, FAR_AWAY, self.center))
 
     def mirrored(self) -> "Solids":
         """The mirror images at x = 0: a right hand on them mirrors a left hand on the objects."""
@@ -78,7 +78,7 @@ class Solids(Bundle):
         return replace(
             self,
             size=torch.where(scanned, mirror_points(self.size), self.size),
-            center=torch.where(self.center < FAR / 2, mirror_points(self.center), self.center),
+            center=torch.where(self.center < FAR_AWAY / 2, mirror_points(self.center), self.center),
             rotation=mirror_rotations(self.rotation),  # simple solids are their own mirror images
             axis=mirror_axes(self.axis, self.slides),
             pivot=mirror_points(self.pivot),
@@ -166,7 +166,7 @@ class Solids(Bundle):
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Points around simple solids, projected along the gradient of the distance."""
         batch, ring = len(self.kind), self.kind == TORUS
-        used = (self.center[..., 0] < FAR / 2).float()
+        used = (self.center[..., 0] < FAR_AWAY / 2).float()
         # thin parts get fewer points at sharp ends than wide faces, about as area weighting does
         outer = self.size[..., :2].sum(-1)
         reach = torch.where(ring, outer, self.size.norm(dim=-1)).clamp(min=0.01)

@@ -5,7 +5,7 @@ import numpy as np
 import torch
 
 from geneoh.geometry.mesh import Mesh
-from geneoh.synthesis.shapes.solids import FAR, TORUS, Solids
+from geneoh.synthesis.shapes.solids import FAR_AWAY, TORUS, Solids
 
 SPACING = 0.002  # between grid points of marching cubes, metres; the thinnest parts are 3 mm thick
 COARSEST, THICKNESS_SHARE = 0.004, 0.6
@@ -25,7 +25,7 @@ def mesh_of_solid(solid: Solids, spacing: float = SPACING) -> Mesh:
         return Mesh(mesh.verts * size[0] @ turn[0].T + centre[0], faces)
     ring = (solid.kind[0] == TORUS)[:, None]
     outer = size[:, :2].sum(-1, keepdim=True)
-    used = centre[:, 0] < FAR / 2
+    used = centre[:, 0] < FAR_AWAY / 2
     # the grid starts at the corner of the solids' bounding balls but spans their bounding boxes
     ball = torch.where(ring, outer, size.norm(dim=-1, keepdim=True)) + MARGIN
     half = torch.where(ring, torch.cat([outer, outer, size[:, 1:2]], -1), size)
@@ -51,5 +51,5 @@ def spacing_for_looks(solid: Solids) -> float:
     """A spacing in metres that resolves the thinnest solid and is fast on large objects."""
     size = solid.size[0]
     thin = torch.where(solid.kind[0] == TORUS, size[:, 1], size.amin(-1))
-    thinnest = 2 * float(thin[solid.center[0, :, 0] < FAR / 2].min())
+    thinnest = 2 * float(thin[solid.center[0, :, 0] < FAR_AWAY / 2].min())
     return min(COARSEST, max(SPACING, THICKNESS_SHARE * thinnest))

@@ -7,8 +7,8 @@ from made_actions import box_actions
 
 from geneoh.errors import CheckpointError
 from geneoh.evaluation.generation.classifier import (
+    FRAMES_READ,
     INPUTS,
-    SEEN,
     ClassifierConfig,
     ClassifierTask,
     classified,
@@ -43,7 +43,7 @@ def mixed(count: int, seed: int = 0):
 
 def test_inputs_are_a_vector_for_each_of_15_frames():
     inputs = clip_inputs(box_actions(["lift", "pass"], frames=20, hands=(True, True)))
-    assert inputs.shape == (2, SEEN, INPUTS)
+    assert inputs.shape == (2, FRAMES_READ, INPUTS)
     assert inputs.isfinite().all()
 
 
@@ -51,7 +51,7 @@ def test_inputs_of_an_absent_hand_are_zero():
     one = clip_inputs(box_actions(["lift"], frames=20, hands=(False, True)))
     both = clip_inputs(box_actions(["lift"], frames=20, hands=(True, True)))
     differ = one != both
-    assert differ.sum() > 0.95 * SEEN * (2 * 63 + 1)
+    assert differ.sum() > 0.95 * FRAMES_READ * (2 * 63 + 1)
     assert (one[differ] == 0).all()
 
 
@@ -88,9 +88,9 @@ def test_place_on_the_table_does_not_matter_and_height_does():
 
 
 def test_turned_inputs_are_those_of_the_turned_clip():
-    actions = box_actions(["lift"], frames=SEEN, hands=(True, True))
+    actions = box_actions(["lift"], frames=FRAMES_READ, hands=(True, True))
     turn = axis_angle_to_matrix(torch.tensor([[0.0, 0.0, 0.7]]))
-    frames = torch.arange(SEEN)[None]
+    frames = torch.arange(FRAMES_READ)[None]
     pose = actions.pose.clone()
     pose[:, :, :, 0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(pose[:, :, :, 0]))
     turned = replace(
@@ -105,13 +105,13 @@ def test_turned_inputs_are_those_of_the_turned_clip():
 
 
 def test_random_frames_are_one_of_each_group():
-    share = torch.rand(50, SEEN, generator=torch.Generator().manual_seed(0))
+    share = torch.rand(50, FRAMES_READ, generator=torch.Generator().manual_seed(0))
     frames = frames_within(torch.full((50,), 60), share)
-    assert torch.equal(frames // 4, torch.arange(SEEN).expand(50, -1))
+    assert torch.equal(frames // 4, torch.arange(FRAMES_READ).expand(50, -1))
 
 
 def test_random_frames_are_never_behind_the_end():
-    last = torch.full((1, SEEN), 1 - 2**-24)  # the largest share that is drawn
+    last = torch.full((1, FRAMES_READ), 1 - 2**-24)  # the largest share that is drawn
     assert int(frames_within(torch.tensor([60]), last).max()) == 59
 
 

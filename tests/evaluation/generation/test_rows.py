@@ -67,7 +67,7 @@ def test_chamfer_distance_of_a_shifted_line():
 
 
 def test_clips_that_are_drawn_apart_may_differ_in_length(monkeypatch):
-    monkeypatch.setattr(rows, "AT_ONCE", 1)
+    monkeypatch.setattr(rows, "BATCH", 1)
     clips = box_actions(["lift", "carry"], frames=40, points=256)
     clips = replace(clips, length=torch.tensor([40, 24])).ended()
     data = ActionData(Streamed.of([clips]), ("box", "mug"))

@@ -6,7 +6,7 @@ from draws import seeded
 from made_gestures import made_gestures
 
 from geneoh.evaluation.gestures.encoder import (
-    SEEN,
+    FRAMES_READ,
     EncoderConfig,
     EncoderTask,
     GestureEncoder,
@@ -36,7 +36,7 @@ def model(task, tmp_path_factory):
 def test_frames_are_seen_from_the_first_to_the_last_before_the_end():
     clips = made_gestures(3)
     seen = Seen.of(clips)
-    assert seen.body.shape == (3, SEEN, 198)
+    assert seen.body.shape == (3, FRAMES_READ, 198)
     cut = Seen.of(clips.take(slice(1, 2), "B")[: int(clips.length[1])])
     torch.testing.assert_close(seen.hands[1:2], cut.hands)
 

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from geneoh.generators.both2hands.features import LEAST, Scale
+from geneoh.generators.both2hands.features import LEAST_SCALE, Scale
 
 
 def features():
@@ -20,7 +20,7 @@ def test_numbers_have_unit_deviation_and_come_back():
     torch.testing.assert_close(scale.denormalise(numbers), made)
     varied = numbers[REAL][:, [0, 2, 3, 8]]
     torch.testing.assert_close(varied.std(0, unbiased=False), torch.ones(4))
-    assert scale.size[1] == LEAST[0]
+    assert scale.size[1] == LEAST_SCALE[0]
 
 
 def test_ranges_of_positions_are_one_and_rotations_stay_as_they_are():

@@ -8,7 +8,7 @@ from made_actions import box_actions
 
 from geneoh.bundle import concatenated
 from geneoh.generators.text2hoi.choosing import (
-    ARM,
+    COMPARED_AT,
     HANDS,
     MISSED,
     MISSED_SHARE,
@@ -96,7 +96,7 @@ def test_hands_that_come_from_another_side_are_alike_and_objects_that_go_elsewhe
     around = replace(plain, wrist=clip.wrist @ turn.mT, pose=pose)
     tall = replace(clip, rotation=turn @ clip.rotation)
     found = distances(draws(clip, higher, tall, plain, around, plain), 3)
-    assert found[0, 0].tolist() == pytest.approx([0, 0.07, ARM * 2**0.5 * 2 / 3], abs=1e-6)
+    assert found[0, 0].tolist() == pytest.approx([0, 0.07, COMPARED_AT * 2**0.5 * 2 / 3], abs=1e-6)
     assert found[1].abs().max() < 1e-6
     assert torch.equal(found, found.mT)
 

@@ -5,7 +5,7 @@ import torch
 from draws import seeded
 
 from geneoh.synthesis.actions.action import LONGEST, VERBS
-from geneoh.synthesis.actions.verbs import MOVES, SCRIPTS, VerbConfig, moves_of
+from geneoh.synthesis.actions.verbs import MOST_MOVES, SCRIPTS, VerbConfig, moves_of
 from geneoh.synthesis.draws import Draws
 
 BATCH, START = 16, 20.0
@@ -25,7 +25,7 @@ def test_every_verb_has_a_script_that_fits():
         torch.arange(BATCH) % len(VERBS), torch.full((BATCH,), 0.1), VerbConfig(), draws
     )
     assert set(SCRIPTS) == set(VERBS)
-    assert moves.frames.shape == (BATCH, MOVES)
+    assert moves.frames.shape == (BATCH, MOST_MOVES)
     assert (moves.duration > 0).all()
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.shapes.jointed_families import JOINTED_FAMILIES
 from geneoh.synthesis.shapes.objects import FAMILIES, draw_objects
-from geneoh.synthesis.shapes.solids import BOX, CYLINDER, ELLIPSOID, FAR, TORUS, Solids
+from geneoh.synthesis.shapes.solids import BOX, CYLINDER, ELLIPSOID, FAR_AWAY, TORUS, Solids
 
 
 def around(count: int = 400, size: float = 0.06, seed: int = 0) -> Tensor:
@@ -149,9 +149,9 @@ def test_surface_points_lie_on_the_surface_and_look_outward(family):
 def test_surface_points_reach_every_part_of_a_union(family, least):
     solids = draw_objects([family], generator=seeded(4))
     points, _ = solids.surface_points(200, generator=seeded(5))
-    for part in range(int((solids.center[0, :, 0] < FAR).sum())):
+    for part in range(int((solids.center[0, :, 0] < FAR_AWAY).sum())):
         others = torch.arange(4)[:, None] != part
-        alone = replace(solids, center=torch.where(others, FAR, solids.center))
+        alone = replace(solids, center=torch.where(others, FAR_AWAY, solids.center))
         on_part = (alone.signed_distance(points).abs() < 1e-5).float().mean()
         assert float(on_part) > least
 

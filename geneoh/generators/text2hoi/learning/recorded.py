@@ -16,13 +16,13 @@ from torch import Tensor
 from geneoh.choices import SIDES, TAKING_PART, Axis
 from geneoh.config import Limited
 from geneoh.generators.text2hoi.physics.standing import POINTS
-from geneoh.generators.text2hoi.sentences.annotation import SHORTEST, Label
+from geneoh.generators.text2hoi.sentences.annotation import SHORTEST_CLIP, Label
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, turn_up
 from geneoh.readers.sources.arctic import HINGE
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.synthesis.actions.action import FPS, LONGEST, NEAR, Actions
+from geneoh.synthesis.actions.action import FPS, LONGEST, TOUCHED, Actions
 from geneoh.training.recordings import drawn_surface
 
 
@@ -89,8 +89,8 @@ def action_of(
     """
     step = round(recording.fps / FPS)
     chosen = torch.arange(recording.frames)[label.frames][::step][:LONGEST]
-    if len(chosen) < SHORTEST:
-        return f"of fewer than {SHORTEST} frames"
+    if len(chosen) < SHORTEST_CLIP:
+        return f"of fewer than {SHORTEST_CLIP} frames"
     if not bool(known[chosen].all()):
         return "in which the object is not seen"
     posed = (hand for hand in recording.hands if hand.pose is not None and hand.wrist is not None)
@@ -170,7 +170,7 @@ def _with_hands(
 def _touching(
     action: Actions, seen: list[HandTrack], chosen: Int[Tensor, " N"], place: ActionFrame
 ) -> Bool[Tensor, " 2"]:
-    """Whether the left and the right hand come within `NEAR` of the object's points.
+    """Whether the left and the right hand come within `TOUCHED` of the object's points.
 
     Keypoints are the recorded ones where there are any, else those of a hand of the mean shape.
     """
@@ -182,5 +182,5 @@ def _touching(
         if track.joints is not None:
             joints = track.joints[chosen] @ place.turn.T - place.origin
         local = (joints - action.translation[0, :count, None]) @ turn.mT
-        found[number] = bool((torch.cdist(local, points) < NEAR).any())
+        found[number] = bool((torch.cdist(local, points) < TOUCHED).any())
     return found

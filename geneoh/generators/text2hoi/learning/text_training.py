@@ -104,7 +104,7 @@ class TextTask(SamplesTask):
         """The pieces of this process's part of a batch, which is drawn as a whole."""
         config = self.config
         generator = seeded_generator(config.seed, self.name, *parts, 0)
-        words = text_data.SEEN if config.withhold else text_data.WORDS
+        words = text_data.SEEN_WORDS if config.withhold else text_data.WORDS
         drawn = draw_sentences(
             self.tokenizer, config.batch, config.text.longest, words, generator=generator
         )
@@ -142,7 +142,7 @@ def accuracy(
         if kind == "unseen phrasings":
             sentence = text_data.unseen_phrasing(verb, noun, hands, generator=generator)
         else:
-            words = text_data.UNSEEN if kind == "unseen synonyms" else text_data.SEEN
+            words = text_data.UNSEEN if kind == "unseen synonyms" else text_data.SEEN_WORDS
             sentence = caption(verb, noun, hands, generator=generator, synonyms=words[verb])
         split = words_of(sentence)
         wrong = kind == "misspellings"

@@ -14,7 +14,7 @@ from geneoh.diffusion.samplers import normal_like
 from geneoh.nn.blocks import NetworkConfig
 from geneoh.synthesis.actions.action import LONGEST
 
-SHORTEST = 2  # frames: one frame is no motion, and none would leave networks nothing to attend to
+SHORTEST_ACTION = 2  # frames: one is no motion, and none would leave nothing to attend to
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ class LengthNetwork(nn.Module):
     def sample(
         self, text: Float[Tensor, "B W"], *, generator: torch.Generator
     ) -> Int[Tensor, " B"]:
-        """A random number of frames for each sentence, `SHORTEST` to `LONGEST`."""
+        """A random number of frames for each sentence, `SHORTEST_ACTION` to `LONGEST`."""
         latent = text.new_zeros(len(text), self.config.latent)
         share = self.decode(normal_like(latent, generator=generator), text)
-        return (LONGEST * share).floor().long().clamp(SHORTEST, LONGEST)
+        return (LONGEST * share).floor().long().clamp(SHORTEST_ACTION, LONGEST)
 
 
 def length_loss(

@@ -21,7 +21,7 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
-ALIKE = 0.1
+SAME = 0.1
 """Largest relative distance of a sentence's vectors that count as made by one encoder: rounding
 differs by at most a hundredth between machines, and separately trained encoders are unrelated."""
 
@@ -87,7 +87,7 @@ def refuse_other_encoder(
             "the one that it was trained with"
         )
     learned, asked = vector_of_training(path, record, width), text.encode([ASKED])[0]
-    if learned is not None and float((asked - learned).norm()) > ALIKE * float(learned.norm()):
+    if learned is not None and float((asked - learned).norm()) > SAME * float(learned.norm()):
         raise ConfigError(
             f"{path}: expected the text encoder that it was trained with, got another one of as "
             "many features; name that one, or train it again with `geneoh train --stage "

@@ -13,14 +13,14 @@ from torch import Tensor
 
 from geneoh.config import Limited
 from geneoh.generators.text2hoi.networks.tokens import HAND, Tokens
-from geneoh.synthesis.actions.action import NEAR, Actions
+from geneoh.synthesis.actions.action import TOUCHED, Actions
 from geneoh.synthesis.draws import Draws
 
 UNIT = 0.1
 """Errors of keypoints and distances are in this unit, metres, so that they are of order one."""
 STEP = 0.02
 """Errors of velocities are in this unit, metres from frame to frame."""
-ARM = 0.1  # metres from the object's origin at which its velocity is compared
+VELOCITY_AT = 0.1  # metres from the object's origin at which its velocity is compared
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,9 @@ def velocity_loss(
 
 
 def object_places(tokens: Tokens) -> Float[Tensor, "B T 4 3"]:
-    """The object's origin, and the points at `ARM` on each of its axes, in the world."""
+    """The object's origin, and the points at `VELOCITY_AT` on each of its axes, in the world."""
     origin = tokens.object[..., None, :3]
-    return torch.cat([origin, origin + ARM * tokens.object_rotation.mT], dim=2)
+    return torch.cat([origin, origin + VELOCITY_AT * tokens.object_rotation.mT], dim=2)
 
 
 def distance_loss(
@@ -133,14 +133,14 @@ def distance_loss(
 ) -> Float[Tensor, ""]:
     """Squared error of the distances between object points and keypoints.
 
-    Only pairs that are truly within `NEAR` of each other count (paper), of random points.
+    Only pairs that are truly within `TOUCHED` of each other count (paper), of random points.
     """
     pick = drawn_points(contact, weights.points, draws)
     pick = pick[:, None, :, None].expand(-1, joints.shape[2], -1, 3)
     points = actions.posed_points().gather(2, pick)
     points = points[:, None].expand(-1, 2, -1, -1, -1)
     apart, wanted = (torch.cdist(points, places) for places in (joints, true))
-    near = (wanted < NEAR) & shown[..., None, None]
+    near = (wanted < TOUCHED) & shown[..., None, None]
     return masked_mean((apart - wanted).square() / UNIT**2, near, share)
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.generators.text2hoi.networks.tokens import tokens_of
-from geneoh.synthesis.actions.action import NEAR, Actions
+from geneoh.synthesis.actions.action import TOUCHED, Actions
 
 CHANNELS = 10
 """Number of features of each point in `Objects.channels`."""
@@ -70,7 +70,7 @@ class Objects(Bundle):
 
 @torch.no_grad()
 def contact_maps(actions: Actions) -> Bool[Tensor, "B P"]:
-    """Points within `NEAR` of a keypoint of any hand that takes part, in any frame (paper 3.3).
+    """Points within `TOUCHED` of a keypoint of any hand that takes part, in any frame (paper 3.3).
 
     Only every `EVERY`-th frame is used.
     """
@@ -86,4 +86,4 @@ def _near(actions: Actions) -> Bool[Tensor, "B P"]:
     hands, frames = shown.nonzero(as_tuple=True)
     points = some.posed_points()[0, frames] if bool(tokens.jointed) else some.points
     apart = torch.cdist(points, joints[hands, frames].view(len(points), -1, 3))
-    return (apart.amin(-1).amin(0) < NEAR)[None]
+    return (apart.amin(-1).amin(0) < TOUCHED)[None]

@@ -28,13 +28,13 @@ from geneoh.generators.text2hoi.networks.tokens import (
 )
 from geneoh.hand.library import load_hand
 from geneoh.nn.blocks import NetworkConfig, in_steps, sinusoid, zeroed
-from geneoh.synthesis.actions.action import NEAR, Actions
+from geneoh.synthesis.actions.action import TOUCHED, Actions
 
 AGENT_ROWS = (0, 1666)
 """Rows of the paper's sinusoid table that encode the left and the right hand."""
 JOINTS = 63  # coordinates of the keypoints of a hand
-REACH = 0.05  # entries of offsets to the object are clamped to it, metres
-SMOOTHING = 2.0  # standard deviation of the Gaussian over the hands' residual, frames
+LARGEST_OFFSET = 0.05  # entries of offsets to the object are clamped to it, metres
+RESIDUAL_FILTER = 2.0  # standard deviation of the Gaussian over the hands' residual, frames
 WRIST, TURN = 0.02, 0.1
 """Residuals of the wrist (metres) and of rotation entries for an output of 1 in our form."""
 CENTIMETRE = 0.01
@@ -108,7 +108,7 @@ class RefinerNetwork(nn.Module):
         touched = contact[:, None, None].expand(-1, 2, points.shape[1], -1)
         told = [tokens.hands, joints.flatten(-2), near.flatten(-2), distance, touched]
         if self.config.form == "ours":
-            told.append(offset.clamp(-REACH, REACH).flatten(-2) / REACH)
+            told.append(offset.clamp(-LARGEST_OFFSET, LARGEST_OFFSET).flatten(-2) / LARGEST_OFFSET)
         return torch.cat(told, dim=-1) * tokens.shown[:, :2, :, None]
 
 
@@ -149,7 +149,7 @@ def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor,
     hands = network(tokens, points, touched).hands
     if network.config.form == "ours":
         change = (hands - tokens.hands).transpose(1, 2)
-        change = smoothed_clips(change.flatten(2), SMOOTHING, actions.length).view_as(change)
+        change = smoothed_clips(change.flatten(2), RESIDUAL_FILTER, actions.length).view_as(change)
         hands = tokens.hands + change.transpose(1, 2)
     return actions_of(tokens.with_hands(hands), actions)
 
@@ -196,10 +196,10 @@ def contact_distance_loss(
 ) -> Float[Tensor, ""]:
     """Squared distance of keypoints to the object points closest to the coarse ones, in cm2.
 
-    Only keypoints count that were within `NEAR` of the object before.
+    Only keypoints count that were within `TOUCHED` of the object before.
     """
     goal = nearest(coarse, points)
-    touches = ((goal - coarse).norm(dim=-1) < NEAR) & shown[..., None]
+    touches = ((goal - coarse).norm(dim=-1) < TOUCHED) & shown[..., None]
     return masked_mean((joints - goal).square().sum(-1) / CENTIMETRE**2, touches)
 
 
@@ -208,7 +208,7 @@ def penetration_loss(
 ) -> Float[Tensor, ""]:
     """Squared penetration depth of hand vertices below the closest point's tangent plane, in cm2.
 
-    A mean over the vertices that are inside. Vertices farther than `NEAR` from the point do not
+    A mean over the vertices that are inside. Vertices farther than `TOUCHED` from the point do not
     count: they are on another side of the object.
     """
     total, count = points.new_zeros(()), points.new_zeros(())
@@ -220,7 +220,7 @@ def penetration_loss(
         index = torch.cdist(verts.verts, points).argmin(-1)[..., None].expand(-1, -1, -1, 3)
         apart = verts.verts - points.gather(2, index)
         depth = -(apart * normals.gather(2, index)).sum(-1)
-        inside = (depth > 0) & (apart.norm(dim=-1) < NEAR) & tokens.shown[:, number, :, None]
+        inside = (depth > 0) & (apart.norm(dim=-1) < TOUCHED) & tokens.shown[:, number, :, None]
         total = total + torch.where(inside, depth, 0.0).square().sum() / CENTIMETRE**2
         count = count + inside.sum()
     return total / count.clamp(min=1)

@@ -27,8 +27,8 @@ from geneoh.synthesis.grasping.grasp_checks import unheld
 from geneoh.synthesis.grasping.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 
-STILL = 1e-5  # metres per frame below which an object rests
-ARM = 0.01  # metres of motion that a radian of rotation counts as
+RESTING_SPEED = 1e-5  # metres per frame below which an object rests
+METRES_PER_RADIAN = 0.01  # metres of motion that a radian of rotation counts as
 LIFTED = 0.01  # metres off its first height above which an object counts as lifted
 TRIES = 12  # grasps that are synthesised at once
 TOUCH = 0.003  # distance from the surface below which a pad touches, metres
@@ -110,7 +110,7 @@ def frames_of_motion(actions: Actions) -> Bool[Tensor, " T"]:
     """Mask of frames just before or after which the object of the first action moves."""
     shift = actions.translation[0].diff(dim=0).norm(dim=-1)
     turn = matrix_to_axis_angle(actions.rotation[0, :-1].mT @ actions.rotation[0, 1:])
-    moves = shift + ARM * turn.norm(dim=-1) > STILL
+    moves = shift + METRES_PER_RADIAN * turn.norm(dim=-1) > RESTING_SPEED
     return torch.nn.functional.pad(moves, (1, 0)) | torch.nn.functional.pad(moves, (0, 1))
 
 

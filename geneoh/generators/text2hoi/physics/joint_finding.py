@@ -24,16 +24,16 @@ SAMPLES = 1500  # points of each surface at which parts are compared
 CONTACTS = 8000  # points of the second part among which those in contact are searched
 APART = 0.02
 """Largest gap between the parts of an object, metres."""
-NEAR = 0.003  # margin over the least gap within which points are in contact, metres
+CONTACT_MARGIN = 0.003  # margin over the least gap within which points are in contact, metres
 INSIDE = 0.2  # share of a part's surface inside the other one above which they overlap
 DEEPER = 0.0008
 """Penetration depth that a moving part may reach, metres: less than half of a thin wall."""
 HINGE, SLIDE = math.radians(110.0), 0.12
 """Largest opening of a joint of unknown range, radians and metres."""
-LEAST = {"hinge": math.radians(10.0), "slide": 0.01}
+LEAST_RANGE = {"hinge": math.radians(10.0), "slide": 0.01}
 """Least range of a joint that opens, radians and metres."""
 OPENS = math.radians(60.0)  # least range of a hinge that is found from shapes
-STATES = 34  # states over the range in which parts are compared
+COMPARED_STATES = 34  # states over the range in which parts are compared
 TRIED = 12  # states in which candidates for a hinge are compared
 FLAT = 0.25  # largest ratio of thickness to width of a flat contact region
 STRIP, SHARE = (0.002, 0.006), 0.05
@@ -82,7 +82,7 @@ class Parts:
         back = self.fields[1].query(pose.inverse().apply(self.points[0]), within=DEEPER)
         return -there.distance.clamp(max=0), -back.distance.clamp(max=0)
 
-    def room(self, joint: Joint, most: float, states: int = STATES) -> float:
+    def room(self, joint: Joint, most: float, states: int = COMPARED_STATES) -> float:
         """The state of the joint up to which the parts do not penetrate each other.
 
         Points that are inside in the closed state do not count: some models overlap there.
@@ -100,7 +100,7 @@ class Parts:
             self.fields[1].solid, CONTACTS, generator=seeded_generator("contact")
         ).points
         distance = self.fields[0].query(drawn).distance
-        return drawn[distance < distance.amin().clamp(min=0) + NEAR]
+        return drawn[distance < distance.amin().clamp(min=0) + CONTACT_MARGIN]
 
 
 def named(mesh: Mesh) -> str:
@@ -120,7 +120,7 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
         joint, notes = found_joint(parts, named(meshes[1]))
         return joint, (f"the joint is found from the meshes: --joint {joint}", *notes)
     asked = given.most or (SLIDE if given.slides else HINGE)
-    least, room = LEAST[given.kind], parts.room(given, asked)
+    least, room = LEAST_RANGE[given.kind], parts.room(given, asked)
     if room >= least:
         notes = ()
         if given.most is not None and room < asked - 1e-6:

@@ -23,9 +23,9 @@ from geneoh.generators.text2hoi.physics.standing import StandingObject
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
-from geneoh.synthesis.actions.action import NEAR, Actions
+from geneoh.synthesis.actions.action import TOUCHED, Actions
 
-ALIKE = 0.005  # metres by which a hand may be farther away than in the best sample
+AS_NEAR = 0.005  # metres by which a hand may be farther away than in the best sample
 LOST = 0.1  # share of the joint's motion that may be lost without a note
 
 
@@ -87,7 +87,7 @@ class JointedObject:
         drawn = drawn.to("cpu")
         guided = self.guided(drawn)
         away = starting_gap(guided, drawn).amin(1) + under_table(guided)
-        return away <= (away.amin() + ALIKE).clamp(min=NEAR)
+        return away <= (away.amin() + AS_NEAR).clamp(min=TOUCHED)
 
     def finished(
         self, actions: Actions, generator: torch.Generator | None

@@ -20,12 +20,12 @@ from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
 ENDS = 6  # the end states of a joint are means over the first and the last sixth of a clip
-LEAST = 0.25
+LEAST_OPENING = 0.25
 """Share of its range that a sampled joint must move; else a default motion replaces its own."""
 MADE_UP = (0.35, 0.65)  # start and end of the default motion, as shares of the clip
-STILL = 0.05  # share of the motion at either end that does not count as moving
-SMOOTHING = 2.0  # standard deviation of the Gaussian over the joint's states, frames
-MOVES = 1e-4  # radians or decimetres per frame above which a joint moves
+STILL_SHARE = 0.05  # share of the motion at either end that does not count as moving
+STATE_FILTER = 2.0  # standard deviation of the Gaussian over the joint's states, frames
+MOVING_SPEED = 1e-4  # radians or decimetres per frame above which a joint moves
 BEGIN = 3  # the first third of the joint's motion decides which hand moves it
 
 
@@ -51,15 +51,15 @@ def _drawn_way(
     first, final = ((actions.joint * end).sum(1) / end.sum(1) for end in ends)
     way = (first - final) if closes else (final - first)
     share = (actions.joint - first[:, None]) / (final - first)[:, None]
-    share = ((share.cummax(1).values - STILL) / (1 - 2 * STILL)).clamp(0, 1)
+    share = ((share.cummax(1).values - STILL_SHARE) / (1 - 2 * STILL_SHARE)).clamp(0, 1)
     made_up = minimum_jerk((frames / last - MADE_UP[0]) / (MADE_UP[1] - MADE_UP[0]))
-    share = torch.where((way > LEAST * most)[:, None], share, made_up)
-    return way, smoothed_clips(share[..., None], SMOOTHING, actions.length)[..., 0].clamp(0, 1)
+    share = torch.where((way > LEAST_OPENING * most)[:, None], share, made_up)
+    return way, smoothed_clips(share[..., None], STATE_FILTER, actions.length)[..., 0].clamp(0, 1)
 
 
 def joint_frames(actions: Actions) -> Bool[Tensor, "B T"]:
     """Mask of frames just before or after which the joint moves."""
-    moves = (actions.joint * actions.joint_units).diff(dim=1).abs() > MOVES
+    moves = (actions.joint * actions.joint_units).diff(dim=1).abs() > MOVING_SPEED
     pad = torch.nn.functional.pad
     return pad(moves, (1, 0)) | pad(moves, (0, 1))
 
@@ -152,7 +152,7 @@ def rigid_part(actions: Actions, part: int) -> Actions:
 
 
 def moved_by_hands_at_part(actions: Actions, closes: bool) -> Actions:
-    """The first action with a joint that moves only while a hand is within `NEAR` of its part.
+    """The first action with a joint that moves only while a hand is within `TOUCHED` of its part.
 
     It still starts closed, or ends closed if it `closes`.
     """

@@ -22,7 +22,7 @@ from geneoh.synthesis.shapes.solids import Solids
 
 TRIES = 24  # new holds that are synthesised
 GOOD = 0.8  # cost of a hold below which no new one is searched
-FEWEST = 2  # least number of pads of a hold that touch the part
+FEWEST_PADS = 2  # least number of pads of a hold that touch the part
 SKIN = 0.003  # distance by which the skin may exceed the spheres, metres
 FOREARM = torch.tensor([0.06, 0.12, 0.18])  # distances of the forearm's spheres from the wrist
 ARM_RADIUS = 0.03  # radius of these spheres, metres
@@ -45,7 +45,7 @@ class PartTask:
 
     def costs(self, hands: HeldHands, drawn: HeldHands) -> Float[Tensor, " N"]:
         """Costs of N hands in place of a sampled one; infinite for those that touch the part with
-        fewer than `FEWEST` pads."""
+        fewer than `FEWEST_PADS` pads."""
         pads, copies = hands.pads, torch.zeros(len(hands.wrist), dtype=torch.long)
         part = self.around.take([0], "S").take(copies, "B")
         gap, normal = part.distance_and_normal(pads)
@@ -61,7 +61,7 @@ class PartTask:
             + ARM * self.forearm_depth(hands)
             + FAR * away
         )
-        return cost.masked_fill(touching.sum(1) < FEWEST, torch.inf)
+        return cost.masked_fill(touching.sum(1) < FEWEST_PADS, torch.inf)
 
     def motion(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """Unit directions in which points of the part are to move."""

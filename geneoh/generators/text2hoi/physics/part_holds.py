@@ -40,7 +40,7 @@ RISE = 6  # frames over which a hand is lifted out of the table
 FREE, CLEAR = 0.005, 0.001
 """Distance from the first part above which a finger fits behind the second one, or can touch it,
 metres."""
-STATES = 7  # states of the joint, ends included, in which a hold avoids the first part
+AVOIDED_STATES = 7  # states of the joint, ends included, in which a hold avoids the first part
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def _with_hold(
     number, part = hand_at
     seen, middle = rigid_part(actions, part), shapes.middles[part]
     poses = Rigid(*actions.joint_poses())
-    some = moves[torch.linspace(0, len(moves) - 1, STATES).long()]
+    some = moves[torch.linspace(0, len(moves) - 1, AVOIDED_STATES).long()]
     joint = Joint(actions.axis[0], actions.pivot[0], bool(actions.slides[0]))
     states = Rigid(poses.rotation[:, some], poses.translation[:, some])
     around = shapes.seen_from(part, states, joint)

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.synthesis.actions.action import NEAR, Actions
+from geneoh.synthesis.actions.action import TOUCHED, Actions
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
 UPRIGHT_TURN = 0.5
@@ -19,7 +19,7 @@ ON_TABLE = 0.04
 
 
 def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
-    """Mask of frames in which a keypoint of each hand is within `NEAR` of an object point."""
+    """Mask of frames in which a keypoint of each hand is within `TOUCHED` of an object point."""
     joints = actions.keypoints()
     rotation, translation = actions.part_poses()
     touching = torch.zeros(actions.wrist.shape[:3], dtype=torch.bool)
@@ -28,7 +28,7 @@ def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
         posed = rotation[clip, :frames, part] @ actions.points[clip, :, :, None]
         posed = posed[..., 0] + translation[clip, :frames, part]
         for hand in torch.nonzero(actions.hands[clip])[:, 0].tolist():
-            near = torch.cdist(joints[clip, hand, :frames], posed) < NEAR
+            near = torch.cdist(joints[clip, hand, :frames], posed) < TOUCHED
             touching[clip, hand, :frames] = near.flatten(1).any(1)
     return touching
 

@@ -37,12 +37,12 @@ from geneoh.synthesis.shapes.objects import scanned_object
 from geneoh.synthesis.shapes.scans import MeshFolder, build_scans
 from geneoh.synthesis.shapes.solids import Solids
 
-REACH = 0.012
+PULLED_WITHIN = 0.012
 """Distance from the surface within which a pad of the hand is pulled to it, metres."""
 DEEP = 0.004
 """Penetration depth of a hold above which a new one is synthesised, metres."""
 TRIES = 5  # poses of a hold that are optimised; the best is kept
-LOOSE = 20.0
+LOOSE_COST = 20.0
 """Number of touching pads that bearing pushes from all sides is worth, relative to bearing none."""
 FADE = 40.0  # frames over which the correction fades out; with 15, hands jerked to their holds
 ROUNDS = 12  # iterations that push a hand out of what it penetrates
@@ -120,9 +120,9 @@ def settled_pose(
         kept=torch.ones(TRIES, dtype=torch.bool),
         types=torch.zeros(TRIES, dtype=torch.long),
     )
-    out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table, other=other)
+    out = settled_grasps(solids, grasps, SETTLING, reach=PULLED_WITHIN, table=table, other=other)
     # a hand that left the object from deep inside is now pulled to the surface it ended up near
-    after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table, other=other)
+    after = settled_grasps(solids, out, SETTLING, reach=PULLED_WITHIN, table=table, other=other)
     found = HeldHands(after.pose, after.wrist)
     centers, radii = found.spheres
     depth = (radii - solids.signed_distance(centers)).maximum(table.depth(centers, radii))
@@ -131,7 +131,7 @@ def settled_pose(
         depth = depth + other.depth(centers, radii).clamp(min=0).amax(1)
     touched = solids if part is None else part.take(copies, "B")
     holding = Holding.of(touched, found)
-    best = (holding.touching - depth / TOUCH - LOOSE * holding.loose).argmax()
+    best = (holding.touching - depth / TOUCH - LOOSE_COST * holding.loose).argmax()
     fits = (holding.loose[best] < FIRM) & (depth[best] < DEEP)
     return found.take(best[None], "N"), tried[best], bool(fits)
 

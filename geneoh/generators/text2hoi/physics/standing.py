@@ -15,7 +15,7 @@ from geneoh.synthesis.actions.action import Actions
 
 POINTS = 1024
 """Points of an object (paper)."""
-LARGEST = 2.0
+LARGEST_SIDE = 2.0
 """Largest side of an object that hands move, metres."""
 THICKEST = 0.2
 """Largest thickness (smallest side), metres: no thicker object was learned; hands end up inside."""
@@ -63,10 +63,10 @@ def stand_on_table(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) ->
     sides = mesh.verts.amax(0) - mesh.verts.amin(0)
     size, thickness = float(sides.amax()), float(sides.amin())
     name = mesh.source or "the mesh"
-    if not SMALLEST <= size <= LARGEST:
-        unit = "mm or cm" if size > LARGEST else "m or cm"
+    if not SMALLEST <= size <= LARGEST_SIDE:
+        unit = "mm or cm" if size > LARGEST_SIDE else "m or cm"
         raise InputError(
-            f"{name}: expected an object of {SMALLEST:g} to {LARGEST:g} m for hands, got "
+            f"{name}: expected an object of {SMALLEST:g} to {LARGEST_SIDE:g} m for hands, got "
             f"{size:.3g} m; pass --unit {unit}, or scale it"
         )
     if thickness > THICKEST:

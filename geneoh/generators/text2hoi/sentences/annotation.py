@@ -19,7 +19,7 @@ from geneoh.readers.base import SourceClip, ancestor
 from geneoh.readers.foreign_files import numbered_files, read_numbers, read_record, read_text
 from geneoh.readers.sources.grab import contact_labels
 
-SHORTEST = 20
+SHORTEST_CLIP = 20
 """Frames, at 30 a second, of the shortest clip (paper)."""
 
 _H2O_VERBS = {
@@ -91,7 +91,7 @@ def h2o_labels(clip: SourceClip) -> list[Label]:
         enumerate(by_frame), key=lambda each: (each[1][1], each[1][0] - each[0])
     ):
         frames = [frame for _, (frame, _) in run]
-        if number and len(frames) > SHORTEST:
+        if number and len(frames) > SHORTEST_CLIP:
             verb, noun = H2O_LABELS[number - 1]
             stretch = slice(frames[0], frames[-1] + 1)
             found.append(Label(verb, noun, noun, stretch, subject=subject))
@@ -144,7 +144,7 @@ def arctic_labels(clip: SourceClip) -> list[Label]:
             )
         verb = _TYPOS.get(match[3].lower(), match[3].lower())
         hands = HANDS[("left", "right", "both").index(match[4])]
-        if (verb, name) in _LEFT_OUT or stop - start + 1 < SHORTEST:
+        if (verb, name) in _LEFT_OUT or stop - start + 1 < SHORTEST_CLIP:
             continue
         noun = _NOUNS.get(name, name)
         stretch = slice(start - 1, stop)

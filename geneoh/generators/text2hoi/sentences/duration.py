@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from geneoh.generators.sentences import refused
-from geneoh.generators.text2hoi.networks.length import SHORTEST
+from geneoh.generators.text2hoi.networks.length import SHORTEST_ACTION
 from geneoh.synthesis.actions.action import FPS, LONGEST
 
 _SMALL = (
@@ -85,7 +85,7 @@ def number_of(text: str) -> float:
 
 def length_in_frames(sentence: str, stated: Stated | None) -> int | None:
     """The stated length, if there is one; `InputError` where no clip can be so long or short."""
-    if stated is None or SHORTEST <= stated.frames <= LONGEST:
+    if stated is None or SHORTEST_ACTION <= stated.frames <= LONGEST:
         return None if stated is None else stated.frames
-    known = f"a length of {SHORTEST} to {LONGEST} frames, {LONGEST / FPS:g} seconds at most"
+    known = f"a length of {SHORTEST_ACTION} to {LONGEST} frames, {LONGEST / FPS:g} seconds at most"
     raise refused(sentence, f"{known}, found '{stated.words}'; say another one or pass --frames")

@@ -31,7 +31,7 @@ WITHHELD = frozenset(
     | {"observe", "push down", "open up", "fold up", "pass over"}
 )
 """One synonym of each verb that is withheld from training, to measure unseen ones."""
-SEEN = {verb: tuple(w for w in words if w not in WITHHELD) for verb, words in WORDS.items()}
+SEEN_WORDS = {verb: tuple(w for w in words if w not in WITHHELD) for verb, words in WORDS.items()}
 UNSEEN = {verb: tuple(w for w in words if w in WITHHELD) for verb, words in VERB_WORDS.items()}
 UNSEEN_PHRASINGS = (
     "I want to see {hands} {ing} {noun}",
@@ -55,10 +55,10 @@ class Sentences(Bundle):
 
 def vocabulary(pieces: int, *, generator: torch.Generator) -> Tokenizer:
     """A tokenizer of at most `pieces` pieces, learned on captions and word lists."""
-    verbs = [form for words in SEEN.values() for word in words for form in forms(word)]
+    verbs = [form for words in SEEN_WORDS.values() for word in words for form in forms(word)]
     listed = [*verbs, *THINGS, *sorted(SMALL_WORDS)] * 5
     said = [
-        caption(*each, generator=generator, synonyms=SEEN[each[0]])
+        caption(*each, generator=generator, synonyms=SEEN_WORDS[each[0]])
         for each in (meaning(generator) for _ in range(6000))
     ]
     return learned_pieces([*said, *listed], pieces)
@@ -119,7 +119,7 @@ def disturbed(sentence: str, *, generator: torch.Generator) -> str:
 
 def unseen_phrasing(verb: str, noun: str, hands: HandsName, *, generator: torch.Generator) -> str:
     """A sentence in a phrasing that no caption has."""
-    base, _, ing, past = forms(one_of(SEEN[verb], generator))
+    base, _, ing, past = forms(one_of(SEEN_WORDS[verb], generator))
     pattern = one_of(UNSEEN_PHRASINGS, generator)
     named = {"hands": with_the(hands), "noun": f"the {noun}"}
     return pattern.format(**named, verb=base, ing=ing, past=past)

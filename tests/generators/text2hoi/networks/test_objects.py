@@ -4,7 +4,7 @@ import torch
 from made_actions import made_actions
 
 from geneoh.generators.text2hoi.networks.objects import EVERY, Objects, contact_maps
-from geneoh.synthesis.actions.action import NEAR
+from geneoh.synthesis.actions.action import TOUCHED
 
 
 def test_points_are_normalised_to_the_unit_ball_around_their_mean():
@@ -18,8 +18,8 @@ def test_a_point_is_touched_within_two_centimetres_of_a_keypoint_of_a_hand_that_
     actions = made_actions(count=3)
     at = torch.tensor([0.3, 0.0, 0.0])
     points = actions.points.clone()
-    points[:, 0] = at + torch.tensor([-0.9 * NEAR, 0.0, 0.0])
-    points[:, 1] = at + torch.tensor([-1.1 * NEAR, 0.0, 0.0])
+    points[:, 0] = at + torch.tensor([-0.9 * TOUCHED, 0.0, 0.0])
+    points[:, 1] = at + torch.tensor([-1.1 * TOUCHED, 0.0, 0.0])
     wrist = torch.zeros(3, 2, 20, 3)
     wrist[..., 0] = 0.5
     wrist[:, 1, EVERY] = at  # the right hand comes near in a single frame

@@ -6,7 +6,7 @@ from made_actions import made_actions
 from made_networks import TINY
 
 from geneoh.generators.text2hoi.networks.refiner import (
-    REACH,
+    LARGEST_OFFSET,
     RefinerConfig,
     RefinerNetwork,
     RefinerWeights,
@@ -108,7 +108,7 @@ def test_the_offset_to_the_nearest_point_is_told_up_to_its_reach():
     points[..., 0, :] = joints[:, 1, :, 0] + torch.tensor([0.01, 0.0, -0.2])
     told = network_of("ours").inputs(tokens, points, torch.zeros(6, 2))[:, 1][tokens.shown[:, 1]]
     offset = told[:, -63:].unflatten(-1, (21, 3))[:, 0]
-    wanted = torch.tensor([0.01, 0.0, -REACH]) / REACH
+    wanted = torch.tensor([0.01, 0.0, -LARGEST_OFFSET]) / LARGEST_OFFSET
     torch.testing.assert_close(offset, wanted.expand_as(offset), atol=1e-4, rtol=0)
     near = told[:, 162 : 162 + 63].unflatten(-1, (21, 3))[:, 0]
     wanted = torch.exp(-50 * torch.tensor([0.01, 0.0, 0.2]) ** 2)
