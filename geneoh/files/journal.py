@@ -71,12 +71,14 @@ def append_journal(path: Path, records: Iterable[Record]) -> None:
 def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
     """Make a folder and lock it against other runs; the lock ends with the process.
 
-    `name` is the name of the lock file; it excludes runs that use the same one.
+    `name` is the name of the lock file; it excludes runs that use the same one. Folders that were
+    made for the run and are empty at its end are removed.
 
     Raises:
         InputError: another run is working in it, or it cannot be written to.
     """
     path = folder / name
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
     make_folder(folder)
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -91,6 +93,9 @@ def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
                 path.unlink()
     finally:
         os.close(descriptor)
+        with suppress(OSError):  # such as one that is not empty
+            for each in missing:
+                each.rmdir()
 
 
 def lock(descriptor: int, folder: Path) -> None:

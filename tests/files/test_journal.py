@@ -101,3 +101,14 @@ def test_a_second_run_is_kept_out_until_the_first_one_ends_or_dies(tmp_path):
     with only_run_in(tmp_path / "out"):
         pass
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_folders_that_a_run_made_and_left_empty_are_removed(tmp_path):
+    (tmp_path / "kept").mkdir()
+    for folder in ("made/within", "kept"):
+        with only_run_in(tmp_path / folder):
+            pass
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]
+    with only_run_in(tmp_path / "made"):
+        (tmp_path / "made/result").touch()
+    assert (tmp_path / "made/result").exists()
