@@ -15,6 +15,8 @@ from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError, numbered
@@ -23,6 +25,8 @@ from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text, refuse_missing, table_in
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
+from geneoh.readers.column_names import coordinate_in
+from geneoh.readers.foreign_files import number_in
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.places import place_in
 from geneoh.readers.recordings import find_clips as find_source_clips
@@ -161,13 +165,15 @@ def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
 
 
 def is_manifest(path: Path) -> bool:
-    """Whether a file is a CSV with a column that only manifests have: `input` or `meshes`."""
+    """Whether a file is a CSV with a column that only manifests have, `input` or `meshes`, or with
+    names of which none is that of a coordinate, as a table of points has."""
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
     with open_text(path, MANIFEST_LIMIT) as file:
         lines, separator = table_in(file)
-        names = names_in(csv.reader([next(lines)], delimiter=separator))
-    return not {"input", "meshes"}.isdisjoint(names)
+        heading = next(csv.reader([next(lines)], delimiter=separator), [])
+    has_points = any(coordinate_in(name) or np.isfinite(number_in(name)) for name in heading)
+    return not {"input", "meshes"}.isdisjoint(names_in(iter([heading]))) or not has_points
 
 
 def names_in(rows: Iterator[list[str]]) -> list[str]:
@@ -190,7 +196,7 @@ def columns_of(rows: Iterator[list[str]], path: Path) -> list[str]:
         )
     if "input" not in names:
         raise InputError(
-            f"{path}: a manifest needs the column 'input', got {', '.join(names)}; add it"
+            f"{path}: a manifest needs the column 'input', got {', '.join(names) or 'none'}; add it"
         )
     return names
 

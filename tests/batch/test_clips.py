@@ -156,6 +156,10 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
         (("input,options", "in/clip0.npz,seed"), "line 2: expected NAME=VALUE.* got 'seed'"),
         (("input,name", "in/clip0.npz,x/"), "line 2: 'name' must be the name of a file, got 'x/'"),
         (("input,input", "in/clip0.npz,in/clip1.npz"), "each column once"),
+        (("name,options", "in/clip0.npz,"), "needs the column 'input', got name, options; add it"),
+        (("file,mesh", "in/clip0.npz,"), "'file' is no column of a manifest; there are input"),
+        (("in/clip0.npz",), "'in/clip0.npz' is no column of a manifest"),
+        ((), "needs the column 'input', got none; add it"),
         (("input,name",), "lists no clip"),
         (("input,name", "in/clip0.npz"), r"line 2: expected 2 values .* got 1"),
         (("input,source", "in/clip0.npz,grob"), "source grob: expected one of"),
@@ -171,6 +175,11 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
     ):
         with pytest.raises((InputError, ConfigError), match=words):
             found(manifest(tmp_path, *rows))
+
+
+@pytest.mark.parametrize("heading", ["frame,LeftIndexTipPosX", "joint,x,y,z", "0.1,0.2,0.3"])
+def test_a_table_of_points_is_no_manifest(found, tmp_path, heading):
+    assert list(found(manifest(tmp_path, heading, "1,2"))) == ["list"]
 
 
 def test_a_file_of_a_manifest_that_is_missing_fails_as_a_clip(found, tmp_path):
