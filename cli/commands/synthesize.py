@@ -74,7 +74,7 @@ def synthesize(
     from geneoh.files.outputs import keep_others
     from geneoh.synthesis.kinds import kind_of_data
     from geneoh.synthesis.replay import NoFirstGraspsError
-    from geneoh.synthesis.shards import write_shards
+    from geneoh.synthesis.shards import ANY_OBJECTS, ShardRecord, refuse_other_shards, write_shards
     from geneoh.training.run_config import refuse_settings
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.sheet import sheet_of
@@ -90,6 +90,8 @@ def synthesize(
     chosen.check_size()
     sheet = data / "sheet.png"
     keep_others(sheet)
+    if meshes is not None:  # before they are built, which takes long and leaves their file
+        refuse_other_shards(data, ShardRecord(chosen, seed, ANY_OBJECTS))
     with progress.progress_bars() as on_progress:
         source = data_kind.source(data, unit, partial(on_progress, "objects"))
         how = {"jobs": jobs, "on_shard": partial(on_progress, "shards")}

@@ -152,6 +152,7 @@ def cleaner_task(request: Request, place: Any, on_progress: Any) -> Any:
     """The training task of a stage of the cleaner, its initial weights, and notes on its data."""
     from geneoh.denoisers.library import load_motion
     from geneoh.readers.base import ReaderOptions
+    from geneoh.synthesis.shapes.scans import FILE
     from geneoh.training.config import FOLLOWS, TrainConfig
     from geneoh.training.data import parsed_source, refuse_other_making, training_data
     from geneoh.training.run_config import refuse_settings, stage_config
@@ -170,6 +171,8 @@ def cleaner_task(request: Request, place: Any, on_progress: Any) -> Any:
         refuse_settings("clips", request.settings, "recordings")
     if all(one.source for one in sources):
         refuse_settings("synthesis", request.settings, "made interactions")
+    if not any((one.path / FILE).exists() for one in sources):
+        refuse_settings("synthesis.scanned", request.settings, "`geneoh synthesize --objects`")
     data = training_data(sources, folder / "recordings", chosen, readers, on_progress=on_progress)
     refuse_other_making(data.record, chosen.synthesis, request.settings)
     motion = load_motion(folder).to(place) if stage in FOLLOWS else None

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -39,6 +39,7 @@ class ShardSource(Protocol):
 
 
 DEFAULTS = SynthesisConfig()
+ANY_OBJECTS = "those of --objects"  # for scanned objects whose fingerprint is not known yet
 FORMER_FAMILIES = 32  # number of families of shards whose record does not hold it
 LARGEST_NUMBER = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
@@ -81,11 +82,7 @@ def write_shards(
     config.check_size()
     make_folder(folder)
     record = ShardRecord(config, seed, "" if scans is None else scans.fingerprint)
-    for path in sorted(folder.glob("*_*.safetensors")):
-        if differs := record_differences(shard_record(path, config), record):
-            raise InputError(
-                f"{path}: was made with {differs}; use the same settings, or name another folder"
-            )
+    refuse_other_shards(folder, record)
     named = {i: folder / f"{config.split_of(i)}_{i:05d}.safetensors" for i in range(config.shards)}
     missing = [(index, path) for index, path in named.items() if not path.exists()]
     make = partial(make_shard, record=record, scans=scans, synthesize=synthesize)
@@ -95,6 +92,17 @@ def write_shards(
         if on_shard is not None:
             on_shard(done, config.shards)
     return len(missing)
+
+
+def refuse_other_shards(folder: Path, asked: ShardRecord) -> None:
+    """`InputError` where a folder holds shards that were made with something else than is asked."""
+    for path in sorted(folder.glob("*_*.safetensors")):
+        found = shard_record(path, asked.config)
+        known = found.objects if found.objects and asked.objects == ANY_OBJECTS else asked.objects
+        if differs := record_differences(found, replace(asked, objects=known)):
+            raise InputError(
+                f"{path}: was made with {differs}; use the same settings, or name another folder"
+            )
 
 
 def make_shard(

@@ -62,9 +62,11 @@ def stage_config(base: Run, stage: str, path: Path | None, settings: Iterable[st
 
 
 def refuse_settings(name: str, settings: Iterable[str], of: str) -> None:
-    """Refuse `a.b=c` settings of a field that a run does not read; `of` names its readers."""
+    """Refuse `a.b=c` settings of a field that a run does not read, `a` or `a.b`; `of` names its
+    readers."""
     for setting in settings:
-        if name in parse_setting(setting):
+        asked = parse_setting(setting)
+        if name in asked or name in flat(asked):
             raise ConfigError(
                 f"--set {setting}: expected a setting that this run reads, got one of {of}; "
                 "leave it out"

@@ -118,6 +118,25 @@ def test_hands_hold_meshes_of_a_folder(geneoh, tmp_path):
     )
 
 
+def test_a_folder_of_other_data_gets_no_file_of_objects(geneoh, tmp_path):
+    mesh = Path(__file__).parents[2] / "examples" / "taco_object.obj"
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / mesh.name).write_bytes(mesh.read_bytes())
+    geneoh("synthesize", *SHARDS, settings=ANYTHING)
+    before = sorted(tmp_path.rglob("*"))
+    mine = ("synthesize", "--objects", "mine")
+    other = geneoh(*mine, "--actions", code=2)
+    assert "expected actions, got interactions" in other.stderr
+    without = geneoh(*mine, *SHARDS, settings=ANYTHING, code=2)
+    assert "objects none where those of --objects is asked for" in without.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_share_of_scanned_objects_without_any_is_refused(geneoh):
+    scanned = geneoh("train", "--stage", "motion", "--set", "synthesis.scanned=0.5", code=2)
+    assert "--set synthesis.scanned=0.5: expected a setting that this run reads" in scanned.stderr
+
+
 def test_misspelt_setting_is_refused_with_the_nearest(geneoh):
     result = geneoh("train", "--stage", "motion", "--set", "stepz=3", code=2)
     assert "steps" in result.stderr
