@@ -100,6 +100,17 @@ def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_di
     assert after.name.endswith("_00006")
 
 
+def test_exchanged_parts_of_an_object_of_one_part_are_told_to_change_nothing(tmp_path, mano_dir):
+    hoi4d(tmp_path / "whole", scene(), False)
+    trees.hoi4d_cases(tmp_path / "cases", scene(), False)
+    swapped = ReaderOptions(mano_dir=mano_dir, swap_parts=True)
+    for name, folder in (("hoi4d", "whole"), ("hoi4d_cases", "cases")):
+        source = read_one(name, tmp_path / folder, swapped).sequence.source
+        assert "--swap-parts changes nothing about this object: it has one part" in source
+        plain = read_one(name, tmp_path / folder, replace(swapped, swap_parts=False))
+        assert "--swap-parts" not in plain.sequence.source
+
+
 def test_without_mano_the_wrist_is_that_of_the_mean_hand_and_a_relative_pose_is_refused(
     tmp_path, mano_dir
 ):

@@ -77,6 +77,7 @@ def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     present = base.finite_frames(motion)
     cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
     category, meshes = read_meshes(sequence, motion.shape[1], root, options)
+    notes += _idle_options(motion.shape[1], options)
     contradictions = ()
     if cameras is not None:
         contradictions = inverted_cameras(cameras[present], motion[present], str(clip.path))
@@ -109,7 +110,8 @@ def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     named = {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)}
     found = _exchanged_parts(meshes, motion[base.finite_frames(motion)])
     stated = base.stated("right", joints if np.isfinite(joints).any() else None)
-    checks, notes = base.CrossChecks(stated, contradictions=found), ("camera frame",)
+    checks = base.CrossChecks(stated, contradictions=found)
+    notes = ("camera frame", *_idle_options(motion.shape[1], options))
     source = f"HOI4D {clip.name} (GeneOH)"
     yield base.ClipParts(source, [hand], named, motion, notes=notes, cross_checks=checks)
 
@@ -178,6 +180,14 @@ def read_meshes(
     folder = models / "articulated" / category / instance / "objs"
     files = [folder / f"new-{k}-align.obj" for k in order]
     return category, [find_mesh([file], f"{category} {instance}") for file in files]
+
+
+def _idle_options(count: int, options: base.ReaderOptions) -> Notes:
+    """A note where --swap-parts changes nothing, for an object of `count` parts."""
+    if not options.swap_parts or (count > 1 and not options.meshes):
+        return ()
+    why = "the meshes of --obj are in the order of the parts" if count > 1 else "it has one part"
+    return (f"--swap-parts changes nothing about this object: {why}",)
 
 
 def _exchanged_parts(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
