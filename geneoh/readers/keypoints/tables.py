@@ -58,7 +58,7 @@ Cell = tuple[Side | None, int, int, int, float]
 def points_in_rows(
     rows: list[Row], names: list[str], path: Path, side: Side | None, order: JointOrder
 ) -> mediapipe.Landmarks:
-    """The hands in a table of points, by their side; see `as_one_hand`.
+    """The hands in the rows of a table of points, by their side; see `as_one_hand`.
 
     `names` are those of the columns, and `order` is the keypoint order of points with numbers.
     """

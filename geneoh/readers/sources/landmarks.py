@@ -29,14 +29,21 @@ from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders
 from geneoh.readers.checks.hands import curls_backward
+from geneoh.readers.column_names import words_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.keypoints.json_hands import read_hands
-from geneoh.readers.keypoints.mediapipe import Landmarks, LandmarkTrack, Tracks, read_results
+from geneoh.readers.keypoints.mediapipe import (
+    Landmarks,
+    LandmarkTrack,
+    Tracks,
+    frames_in,
+    read_results,
+)
 from geneoh.readers.keypoints.missing import without_missing
 from geneoh.readers.keypoints.tables import as_rows, points_in_rows, read_rows
 from geneoh.readers.npz.hands import side_of
 from geneoh.readers.npz.layouts import quoted
-from geneoh.readers.records import Record, as_record, described, float32
+from geneoh.readers.records import Notes, Record, as_record, described, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
 OF_OPENPOSE = re.compile(r".*?(\d+)_keypoints\.json")
@@ -44,6 +51,8 @@ OF_OPENPOSE = re.compile(r".*?(\d+)_keypoints\.json")
 SWAPPED_NOTE = (
     "both hands bend backward for the sides that the file names: the sides were exchanged"
 )
+OF_OBJECT = {"object", "objects", "obj"}
+"""Words in names of fields about an object."""
 AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
 
 
@@ -87,9 +96,19 @@ def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmark
     `side` is the caller's, and `order` is the keypoint order of points without names.
     """
     if path.suffix.lower() == ".csv":
-        found = points_in_rows(*read_rows(path), path, side, order)
-        return with_sides(found, str(path), side)
-    value, where = read_value(path), str(path)
+        rows, names = read_rows(path)
+        found = with_sides(points_in_rows(rows, names, path, side, order), str(path), side)
+    else:
+        value = read_value(path)
+        found = landmarks_in(value, path, side, order)
+        frames = [each for each in (value, *frames_in(value)) if isinstance(each, dict)]
+        names = list(dict.fromkeys(str(name) for frame in frames for name in frame))
+    return replace(found, notes=(*found.notes, *notes_on_object(names)))
+
+
+def landmarks_in(value: Any, path: Path, side: Side | None, order: JointOrder) -> Landmarks:
+    """As `read_landmarks`, from the value of a JSON file."""
+    where = str(path)
     found = read_results(value, where, side)
     if order != "openpose" and (found or is_own(value)):
         raise InputError(
@@ -101,6 +120,13 @@ def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmark
         found = points_in_rows(*table, path, side, order) if table else None
         found = found or read_hands(value, where, side, order)
     return with_sides(found, where, side) if found else own_landmarks(value, where)
+
+
+def notes_on_object(names: Iterable[str]) -> Notes:
+    """A note on fields or columns about an object, which are not read."""
+    unread = [name for name in names if not OF_OBJECT.isdisjoint(words_of(name))]
+    cure = "a file of the object's poses alone can be given as --object-pose"
+    return (f"not read of this file: {quoted(unread)}; {cure}",) if unread else ()
 
 
 def read_value(path: Path) -> Any:

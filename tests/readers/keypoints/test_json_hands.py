@@ -245,6 +245,16 @@ def test_rows_of_a_table_as_pandas_writes_them_are_read(read):
     np.testing.assert_allclose(hand.joints[known], POINTS[known.numpy()], atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["object_pose", "objectPose", "obj"])
+def test_what_is_said_of_an_object_is_told_to_be_unread(name, read):
+    pose = np.eye(4).tolist()
+    frames = [{"right": points.tolist(), name: pose} for points in POINTS]
+    beside = {"frames": [frame["right"] for frame in frames], name: [pose] * FRAMES}
+    for value in (frames, {"fps": 30, "frames": frames}, beside):
+        source = read(value, side="right").source
+        assert f"not read of this file: '{name}'; a file of the object's poses alone" in source
+
+
 def test_what_holds_no_hand_is_refused(read):
     nested = []
     for _ in range(400):
