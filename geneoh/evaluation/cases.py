@@ -20,6 +20,7 @@ from geneoh.files.outputs import keep_others
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import hand_of_betas
+from geneoh.readers.clock import TIME_NAMES
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz.files import load, save_sequence
 from geneoh.readers.npz.layouts import OBJECT_FIELDS, read_fields
@@ -28,6 +29,8 @@ from geneoh.sequence.sequence import Sequence
 LOG = logging.getLogger(__name__)
 
 CaseKey = tuple[str, str, str, int]  # data set, clip, noise and seed
+OF_RATE = ("fps", *TIME_NAMES)
+"""Fields of a file from which its frame rate follows."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +83,22 @@ class Case:
     def read_stored(self, path: Path) -> Sequence:
         """Read a noisy input or a prediction for this clip from a file, with the clip's meshes.
 
-        A file without object poses gets those of the clip. For a hand with pose parameters only,
-        keypoints are computed with the user's MANO if the betas are MANO's, else with our hand,
-        which is logged.
+        A file without object poses or frame rate gets those of the clip. For a hand with pose
+        parameters only, keypoints are computed with the user's MANO if the betas are MANO's, else
+        with our hand, which is logged.
         """
         side, mano_dir = self.recording.hands[0].side, self.protocol.mano_dir
         fields = read_fields(path)
         meshes = self.recording.object.meshes if any(n in fields for n in OBJECT_FIELDS) else None
-        found = load(path, obj=meshes, side=side, mano_dir=mano_dir)
+        fps = None if any(name in fields for name in OF_RATE) else self.recording.fps
+        try:
+            found = load(path, obj=meshes, side=side, fps=fps, mano_dir=mano_dir)
+        except InputError as error:
+            said, _, cure = str(error).rpartition("; ")
+            if "--" not in cure:
+                raise
+            # options of other commands, which this one lacks
+            raise InputError(f"{said}; store the clip's {side} hand as a sequence") from error
         if found.frames != self.recording.frames:
             raise InputError(
                 f"{path}: expected the clip's {self.recording.frames} frames, got {found.frames}; "

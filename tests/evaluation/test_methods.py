@@ -224,6 +224,23 @@ def test_a_prediction_needs_nothing_of_the_object(tmp_path, noisy_case):
     assert noisy_case.read_stored(tmp_path / noisy_case.file_name).object.is_known
 
 
+def test_a_prediction_without_a_rate_has_that_of_the_clip(tmp_path, noisy_case):
+    slow = replace(noisy_case.clean, fps=15.0)
+    case = replace(noisy_case, clip=Clip("short", lambda: slow))
+    np.savez(tmp_path / case.file_name, joints=slow.hands[0].joints.numpy(), side="left")
+    assert case.read_stored(tmp_path / case.file_name).fps == 15.0
+
+
+def test_a_prediction_that_cannot_be_read_names_no_option_of_other_commands(tmp_path, noisy_case):
+    path, joints = tmp_path / noisy_case.file_name, noisy_case.clean.hands[0].joints.numpy()
+    own = {"format": "geneoh-sequence", "version": 1, "fps": 30.0, "right_joints": joints}
+    for fields in (own, {"joints": np.repeat(joints, 2, 1)[:, :25], "side": "left"}):
+        np.savez(path, **fields)
+        with pytest.raises(InputError, match="store the clip's left hand as a sequence") as told:
+            stored_hand(noisy_case, tmp_path)
+        assert "--" not in str(told.value)
+
+
 def test_a_prediction_of_parameters_is_posed_by_the_users_mano(tmp_path, as_shipped, caplog):
     case, mano_dir, _ = as_shipped
     hand = case.clean.hands[0]
