@@ -39,6 +39,8 @@ OTHER_OF_THUMB = {
     **{"4": "tip"},
 }
 """OpenXR's names for those of MediaPipe, MRTK and ARKit, and for numbers of the OVR skeleton."""
+STAMP_PARTS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")
+"""Names of ROS, version 2 and 1, for the seconds and the nanoseconds of a time."""
 LEFT_OUT = {"palm", "forearm", "thumb0"}
 """Points of other skeletons that OpenPose's does not have, besides the metacarpals."""
 
@@ -49,9 +51,10 @@ def words_of(name: str) -> list[str]:
 
 
 def plain_name(name: str) -> str:
-    """The last part of a dotted name in lower case; a unit in brackets is appended: `time_ns`."""
+    """The last part of a name with dots or slashes in lower case; a unit in brackets is appended:
+    `time_ns`."""
     unit = UNIT.search(name)
-    name = UNIT.sub("", name).strip().lstrip("#% ").lower().rpartition(".")[2]
+    name = re.split(r"[./]", UNIT.sub("", name).strip().lower())[-1].lstrip("#% _")
     return f"{name}_{unit[1]}" if unit and unit[1] else name
 
 
@@ -61,6 +64,13 @@ def columns_called(
     """Those of `names` that a column has, in the order of `names`, each with its first column."""
     called = {plain_name(column): column for column in reversed(list(columns)) if column}
     return ((name, called[name]) for name in names if name in called)
+
+
+def split_stamp(columns: Iterable[str | None]) -> tuple[str, str] | None:
+    """The columns of seconds and nanoseconds into which ROS splits a time, if there are such."""
+    columns = list(columns)
+    found = [next(columns_called(columns, names), None) for names in STAMP_PARTS]
+    return (found[0][1], found[1][1]) if found[0] and found[1] else None
 
 
 @dataclass(frozen=True)

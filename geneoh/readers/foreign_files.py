@@ -6,6 +6,7 @@ import re
 from array import array as growing
 from collections.abc import Mapping
 from contextlib import suppress
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,18 @@ def number_in(text: str) -> float:
         return float(text)
     except ValueError:
         return float("nan")
+
+
+def time_in(text: str) -> float:
+    """A time as a number, a date in seconds since 1970; NaN for anything else."""
+    number = number_in(text)
+    if np.isfinite(number) or not text:
+        return number
+    try:
+        at = datetime.fromisoformat(text.strip().replace("Z", "+00:00"))
+    except ValueError:
+        return number
+    return (at if at.tzinfo else at.replace(tzinfo=timezone.utc)).timestamp()
 
 
 def read_numbers(path: Path, *counts: int, remedy: str = "it is damaged, copy it again") -> Array:

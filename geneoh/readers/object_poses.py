@@ -53,14 +53,13 @@ class ObjectPoses:
         Raises:
             InputError: the times do not overlap, or the number of poses fits none of these cases.
         """
+        if len(self.matrices) == 1 < frames:
+            about = "the object's one pose was taken for all frames, in which it does not move"
+            return np.repeat(self.matrices, frames, axis=0), (about,)
         if self.times is not None and clock is not None and clock.is_of_times:
             return self.at_times(clock.values, where)
         if len(self.matrices) == frames:
-            about = "the object's poses have times and the hand none: taken one for each frame"
-            return self.matrices, () if self.times is None else (about,)
-        if len(self.matrices) == 1:
-            about = "the object's one pose was taken for all frames, in which it does not move"
-            return np.repeat(self.matrices, frames, axis=0), (about,)
+            return self.matrices, self._about_one_each(clock)
         rows = first - self.first + np.arange(frames)
         if clock is not None and not clock.is_of_times:
             rows = np.rint(clock.values).astype(int) - self.first
@@ -68,15 +67,29 @@ class ObjectPoses:
             first, last = rows[[0, -1]] + self.first
             words = f"of the object's {len(self.matrices)} poses those of frames {first} to {last}"
             return self.matrices[rows], (words,)
-        raise self._other_number(frames, where, first)
+        raise self._other_number(frames, where, clock, first)
 
-    def _other_number(self, frames: int, where: str, first: int) -> InputError:
+    def _about_one_each(self, clock: Clock | None) -> Notes:
+        """A note where poses are taken one for each frame although times or numbers are known."""
+        if clock is not None and clock.is_of_times:
+            known = "the hand has times and the object's poses none"
+        elif self.times is not None:
+            known = "the object's poses have times and the hand none"
+        elif clock is not None and self.first and self.first != (begin := round(clock.told[0])):
+            known = f"the object's poses begin with frame {self.first} and the hand with {begin}"
+        else:
+            return ()
+        return (f"{known}: taken one for each frame",)
+
+    def _other_number(self, frames: int, where: str, clock: Clock | None, first: int) -> InputError:
         """The error for a number of poses that does not fit the frames."""
         which = f", which are numbers {first} to {first + frames - 1}," if first else ","
         got = f"{len(self.matrices)}" + (f" from number {self.first} on" if self.first else "")
         cure = "cut them to the same frames"
         if self.times is not None:
             cure += ", or save the times of the hand's frames, too, as 'timestamps'"
+        elif clock is not None and clock.is_of_times:
+            cure += ", or save the times of the poses, too, as numbers in a column 'timestamp'"
         return InputError(
             f"{where}: the object's poses must be one for each of the {frames} frames{which} got "
             f"{got}; {cure}"
@@ -94,8 +107,8 @@ class ObjectPoses:
         if lost.all():
             raise InputError(
                 f"{where}: the object's poses must be of the times of the hand, "
-                f"{seconds[0]:.9g} to {seconds[-1]:.9g} s, got {self.times[0]:.9g} to "
-                f"{self.times[-1]:.9g} s; write both by one clock"
+                f"{seconds[0]:.12g} to {seconds[-1]:.12g} s, got {self.times[0]:.12g} to "
+                f"{self.times[-1]:.12g} s; write both by one clock"
             )
         if len(seconds) == len(self.times) and np.allclose(seconds, self.times, 0, 1e-6):
             return poses, ()
@@ -163,6 +176,8 @@ def read_poses(path: Path) -> ObjectPoses:
     """
     if path.is_dir():
         return poses_in_folder(path)
+    if path.is_file() and not path.stat().st_size:
+        raise InputError(f"{path}: expected poses, got an empty file; write it again")
     if is_text(path):
         return ObjectPoses(*read_trajectory(path))
     value = read_values(path)

@@ -8,7 +8,7 @@ xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4 are whole matrices.
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,9 @@ from geneoh.readers.column_names import (
     columns_called,
     coordinate_in,
     plain_name,
+    split_stamp,
 )
-from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text
+from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text, time_in
 from geneoh.readers.records import FRAME_LIMIT, Array
 from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
 
@@ -81,6 +82,7 @@ def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
     """
     is_json = head_of(path).lstrip()[:1] in (b"{", b"[")
     found = table_in_json(read_json(path), path) if is_json else table_in_text(path)
+    found = with_stamps(found)
     poses = poses_in(found)
     if not np.isfinite(poses).all((-1, -2)).any():
         raise found.refuse("poses in numbers", f"none in {len(poses)} rows")
@@ -127,7 +129,12 @@ def table_in_text(path: Path) -> Table:
         )
     if not names and separator is None and widths == {len(TUM)}:
         names = TUM
-    return Table(path, names, np.array([[number_in(cell) for cell in row] for row in rows]))
+    dated = {at for at, name in enumerate(names) if plain_name(name) in TIME_NAMES}
+    numbers = [
+        [time_in(cell) if at in dated else number_in(cell) for at, cell in enumerate(row)]
+        for row in rows
+    ]
+    return Table(path, names, np.array(numbers))
 
 
 def is_known_column(name: str) -> bool:
@@ -181,8 +188,10 @@ def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, f
             )
         for at, each in enumerate(flat):
             yield f"{name}.{axes[at]}" if axes else f"{name}[{at}]", number_in(str(each))
-    elif not np.isnan(number := number_in(str(value))):
-        yield name, number
+    else:
+        read = time_in if plain_name(name) in TIME_NAMES else number_in
+        if not np.isnan(number := read(str(value))):
+            yield name, number
 
 
 def poses_in(table: Table) -> Array:
@@ -253,6 +262,16 @@ def columns_of(coordinates: dict[str, Coordinate], axes: str) -> list[str]:
     by_axis = {axis: [name for name, at in coordinates.items() if at.axis == axis] for axis in axes}
     names = [name for found in by_axis.values() for name in found]
     return names if all(len(found) == 1 for found in by_axis.values()) else []
+
+
+def with_stamps(table: Table) -> Table:
+    """The table, with a time in one column where ROS has split it into two."""
+    parts = split_stamp(table.names)
+    if parts is None or column_called(table, TIME_NAMES):
+        return table
+    seconds, nanoseconds = (table.rows[:, table.names.index(part)] for part in parts)
+    rows = np.column_stack([table.rows, seconds + 1e-9 * nanoseconds])
+    return replace(table, names=[*table.names, "stamp_s"], rows=rows)
 
 
 def column_called(table: Table, names: Iterable[str]) -> tuple[str, Array] | None:

@@ -222,7 +222,10 @@ def test_times_in_tables_are_read(tmp_path):
     write_table(tmp_path / "long.csv", ["frame", "time", "landmark", "x", "y", "z"], points)
     timed = [row[1:] for row in points]
     write_table(tmp_path / "timed.csv", ["time", "landmark", "x", "y", "z"], timed)
-    for name in ("wide.csv", "long.csv", "timed.csv"):
+    of_ros = [[int(frame / 60), int(frame / 60 % 1 * 1e9)] for frame in KEPT]
+    of_ros = [[*stamp, *row] for stamp, row in zip(of_ros, values, strict=True)]
+    write_table(tmp_path / "ros.csv", ["header.stamp.sec", "header.stamp.nanosec", *names], of_ros)
+    for name in ("wide.csv", "long.csv", "timed.csv", "ros.csv"):
         sequence = geneoh.load(tmp_path / name, side="right")
         assert sequence.fps == 60, name
         assert np.flatnonzero(sequence.hands[0].valid).tolist() == (KEPT - KEPT[0]).tolist()

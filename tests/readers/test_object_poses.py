@@ -2,6 +2,7 @@
 
 import json
 import re
+from datetime import datetime, timezone
 
 import numpy as np
 import pytest
@@ -33,12 +34,21 @@ def places_and_turns(**more):
     ]
 
 
+def date_of(seconds):
+    """A matched number of seconds since 1970 as a date."""
+    return datetime.fromtimestamp(float(seconds[0]), timezone.utc).isoformat()
+
+
 EUROC = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],"
 EUROC += "q_RS_z [],v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1]"
 ROS = "%time,field.header.frame_id,field.pose.position.x,field.pose.position.y,"
 ROS += "field.pose.position.z,field.pose.orientation.x,field.pose.orientation.y,"
 ROS += "field.pose.orientation.z,field.pose.orientation.w"
+POSE = ROS.partition("frame_id,")[2].replace("field.", "")
+ROS_2 = f"header.stamp.sec,header.stamp.nanosec,{POSE}"
+PLOTJUGGLER = "__time,/" + POSE.replace(".", "/").replace(",", ",/")
 MATRIX = ",".join(f"m{row}{column}" for row in range(3) for column in range(4))
+MATRICES = POSES[:, :3].reshape(-1, 12)
 TRAJECTORIES = {
     "tum": table("", TIMES, PLACES, XYZW, comma=" "),
     "tum with names": table("# timestamp tx ty tz qx qy qz qw", TIMES, PLACES, XYZW, comma=" "),
@@ -47,9 +57,19 @@ TRAJECTORIES = {
     "blocks": "\n".join(table("", pose, comma=" ") for pose in POSES),
     "euroc": table(EUROC, TIMES * 1e9, PLACES, WXYZ, PLACES),
     "ros": table(ROS, TIMES * 1e9, TIMES * np.nan, PLACES, XYZW),
+    "ros 2": table(ROS_2, TIMES // 1, TIMES % 1 * 1e9, PLACES, XYZW),
+    "ros 1": table(ROS_2.replace("nanosec", "nsecs"), TIMES // 1, TIMES % 1 * 1e9, PLACES, XYZW),
+    "ros with slashes": table(PLOTJUGGLER, TIMES, PLACES, XYZW),
+    "json of ros": json.dumps(
+        [
+            {"header": {"stamp": {"sec": int(time // 1), "nanosec": int(time % 1 * 1e9)}}, **pose}
+            for time, pose in zip(TIMES.tolist(), places_and_turns(), strict=True)
+        ]
+    ),
+    "timed by dates": re.sub(r"(?m)^17[^,]*", date_of, table(f"time,{MATRIX}", TIMES, MATRICES)),
     "xyzw": table("frame;x;y;z;qx;qy;qz;qw", np.arange(FRAMES), PLACES, XYZW, comma=";"),
     "wxyz": table("qw,qx,qy,qz,tx,ty,tz", WXYZ, PLACES),
-    "named matrix": table(f"time,{MATRIX}", TIMES, POSES[:, :3].reshape(-1, 12)),
+    "named matrix": table(f"time,{MATRIX}", TIMES, MATRICES),
     "decimal commas": table("x;y;z;qx;qy;qz;qw", PLACES, XYZW, comma=";").replace(".", ","),
     "json matrices": json.dumps(POSES.tolist()),
     "json by frame": json.dumps({str(frame): POSES[frame].tolist() for frame in range(FRAMES)}),
@@ -67,7 +87,7 @@ def test_a_trajectory_is_read_as_other_programs_write_it(tmp_path, name):
     (tmp_path / "poses").write_text(TRAJECTORIES[name])
     found = read_poses(tmp_path / "poses")
     np.testing.assert_allclose(found.matrices, POSES, atol=1e-6)
-    timed = name.startswith(("tum", "euroc", "ros", "named", "json with"))
+    timed = name.startswith(("tum", "euroc", "ros", "named", "timed", "json with", "json of"))
     assert (found.times is not None) == timed
     if timed:
         np.testing.assert_allclose(found.times, TIMES, atol=1e-5)
@@ -145,7 +165,7 @@ def test_times_between_which_the_object_was_lost_have_no_pose():
 
 
 def test_times_of_another_clock_are_refused():
-    with pytest.raises(InputError, match=r"a\.npz: .* 0 to 0\.36\d* s, got 1\.7e\+09 .* one clock"):
+    with pytest.raises(InputError, match=r"a\.npz: .* 0 to 0\.36\d* s, got 1700000000 .* clock"):
         ObjectPoses(POSES, times=TIMES).at_times(np.arange(FRAMES).round() / 30, "a.npz")
 
 
@@ -181,6 +201,38 @@ def test_poses_with_times_beside_a_hand_without_are_one_for_each_frame(tmp_path)
     path = hand_of(tmp_path, TIMES[:7], fps=30.0)
     with pytest.raises(InputError, match="save the times of the hand's frames, too, as 'timest"):
         geneoh.load(path, object_pose=tmp_path / "obj.tum")
+
+
+def test_poses_without_times_beside_a_hand_with_times_are_one_for_each_frame(tmp_path):
+    """Nothing was said, so that times in columns of unknown names seemed to be read."""
+    path = hand_of(tmp_path, TIMES, timestamps=TIMES)
+    found = geneoh.load(path, object_pose=POSES)
+    assert "the hand has times and the object's poses none: taken one for each" in found.source
+    with pytest.raises(InputError, match="save the times of the poses, too, as numbers in a colu"):
+        geneoh.load(path, object_pose=POSES[1:])
+
+
+def test_one_pose_with_a_time_is_that_of_an_object_that_does_not_move(tmp_path):
+    path = hand_of(tmp_path, TIMES, timestamps=TIMES)
+    (tmp_path / "pose.tum").write_text(table("", TIMES[:1], PLACES[:1], XYZW[:1], comma=" "))
+    found = geneoh.load(path, object_pose=tmp_path / "pose.tum")
+    assert found.object.valid is None
+    assert "one pose was taken for all frames" in found.source
+
+
+def test_numbers_of_poses_that_are_not_those_of_the_hand_are_told(tmp_path):
+    path = hand_of(tmp_path, TIMES, fps=30.0, frame_ids=np.arange(FRAMES) + 5)
+    (tmp_path / "obj.csv").write_text(
+        table("frame,x,y,z,qx,qy,qz,qw", np.arange(FRAMES) + 7, PLACES, XYZW)
+    )
+    found = geneoh.load(path, object_pose=tmp_path / "obj.csv")
+    assert "begin with frame 7 and the hand with 5: taken one for each frame" in found.source
+
+
+def test_an_empty_file_of_poses_is_called_empty(tmp_path):
+    (tmp_path / "obj.csv").touch()
+    with pytest.raises(InputError, match=r"obj\.csv: expected poses, got an empty file"):
+        read_poses(tmp_path / "obj.csv")
 
 
 def test_poses_of_a_whole_video_are_those_of_the_hands_numbered_frames(tmp_path):

@@ -11,7 +11,6 @@ import csv
 import math
 import re
 from collections.abc import Iterable
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +26,10 @@ from geneoh.readers.column_names import (
     plain_name,
     point_in,
     side_in,
+    split_stamp,
     words_of,
 )
-from geneoh.readers.foreign_files import JSON_LIMIT, number_in
+from geneoh.readers.foreign_files import JSON_LIMIT, number_in, time_in
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.keypoints import mediapipe
 from geneoh.readers.records import FRAME_LIMIT, Record
@@ -62,6 +62,7 @@ def points_in_rows(
 
     `names` are those of the columns, and `order` is the keypoint order of points with numbers.
     """
+    rows = with_stamps(rows)
     frames = frames_of(rows)
     numbered_as = Numbering(order, path)
     columns = point_columns(names, numbered_as)
@@ -131,10 +132,22 @@ def with_points(row: Row, separator: str, path: Path) -> Row:
     return {name: cell.replace(",", ".") if cell else cell for name, cell in row.items()}
 
 
+def with_stamps(rows: list[Row]) -> list[Row]:
+    """The rows, with a time in one column where ROS has split it into two."""
+    parts = split_stamp(rows[0] if rows else ())
+    if parts is None or column_of(rows, TIME_NAMES):
+        return rows
+    told = [[number_in(row[part] or "") for part in parts] for row in rows]
+    return [
+        {**row, "stamp_s": repr(seconds + 1e-9 * nanoseconds)}
+        for row, (seconds, nanoseconds) in zip(rows, told, strict=True)
+    ]
+
+
 def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:
     """The times of a table's frames, interpolated for frames without a row; empty without times."""
     name = column_of(rows, TIME_NAMES)
-    times = [] if name is None else [time_in(row[name]) for row in rows]
+    times = [] if name is None else [time_in(row[name] or "") for row in rows]
     if name is None or not np.isfinite(times).all():
         return Record(str(path), {})
     stamps = dict(zip(frames, times, strict=True))
@@ -161,22 +174,10 @@ def frames_of(rows: list[Row]) -> list[float]:
     if name := frame_column(rows):
         return [number_in(row[name] or "") for row in rows]
     if name := column_of(rows, TIME_NAMES):
-        times = np.array([time_in(row[name]) for row in rows])
+        times = np.array([time_in(row[name] or "") for row in rows])
         places = np.unique(times, return_inverse=True)[1].astype(float)
         return np.where(np.isfinite(times), places, np.nan).tolist()
     return np.arange(float(len(rows))).tolist()
-
-
-def time_in(cell: str | None) -> float:
-    """A time as a number, a date in seconds since 1970; NaN for anything else."""
-    number = number_in(cell or "")
-    if np.isfinite(number) or not cell:
-        return number
-    try:
-        at = datetime.fromisoformat(cell.strip().replace("Z", "+00:00"))
-    except ValueError:
-        return number
-    return (at if at.tzinfo else at.replace(tzinfo=timezone.utc)).timestamp()
 
 
 class Numbering:
