@@ -44,6 +44,8 @@ NO_OBJECT = (
     "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
 NOT_REFINED = "poses of the object are not refined (--refine-object): there are none, or no mesh"
+POSES = "rotation", "translation"
+EXACT = "poses of the object are left as they are (--refine-object): they show no noise"
 
 
 @checked_call
@@ -161,6 +163,8 @@ def clean_interaction(
     kept = sequence.object
     if options.refine_object and examination is not None:
         kept = refine_object(ready.object, examination, hands, sequence.fps)
+        same = (getattr(kept, name).equal(getattr(sequence.object, name)) for name in POSES)
+        notes += [EXACT] if all(same) else []
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examination, in_each_other)
 

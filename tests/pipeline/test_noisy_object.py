@@ -114,6 +114,12 @@ def test_refined_poses_of_frames_without_one_are_read_as_they_were_written(clean
         assert torch.equal(*(getattr(s.object, name) for s in (read, result.sequence)))
 
 
+def test_exact_poses_are_told_to_be_left_as_they_are(clean):
+    result = geneoh.denoise(clean[60:100], replace(FAST, refine_object=True))
+    assert torch.equal(result.sequence.object.translation, clean.object.translation[60:100])
+    assert any("left as they are (--refine-object)" in note for note in result.notes)
+
+
 def test_an_object_that_is_never_seen_is_as_none(clean):
     short = clean[20:50]
     unseen = fill_object(short.object, torch.zeros(30, 1, dtype=torch.bool))

@@ -235,6 +235,14 @@ def test_an_empty_file_of_poses_is_called_empty(tmp_path):
         read_poses(tmp_path / "obj.csv")
 
 
+def test_an_object_without_any_pose_is_not_told_to_be_filled_in(tmp_path):
+    path = hand_of(tmp_path, TIMES, fps=30.0)
+    how = {"obj": "examples/taco_object.obj", "object_pose": np.full_like(POSES, np.nan)}
+    source = geneoh.load(path, **how).source
+    assert "there is no pose of the object in any frame" in source
+    assert "filled in" not in source
+
+
 def test_poses_of_a_whole_video_are_those_of_the_hands_numbered_frames(tmp_path):
     path = hand_of(tmp_path, TIMES[[2, 3, 5]], fps=30.0, frame_ids=[2, 3, 5])
     found = geneoh.load(path, object_pose=POSES)

@@ -207,6 +207,7 @@ def sequence_in(
     if motion.valid is not None and motion.is_known:
         lost = int((~motion.valid).any(1).sum())
         gaps = f"{numbered(lost, 'frame')} without a pose of the object, filled in"
+        gaps = gaps if motion.is_seen else "there is no pose of the object in any frame"
         about_object = (*about_object, gaps)
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
     if clock is not None and sequence.frames == hands[0].frames:
