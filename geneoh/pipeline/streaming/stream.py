@@ -39,6 +39,7 @@ ARGUMENTS = ("meshes", "fps", "lag", "side", "betas", "hand_model", "source")
 """Arguments of `Stream` besides the settings."""
 LONGEST_LAG = 1.0
 """Seconds; with a longer lag a frame would have less than a second of context before it."""
+POSES_UNREAD = "the object's poses are not used, because the stream has no mesh; give it one"
 FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
 """Fewer than for a whole track, because the fit continues from frames already returned."""
 
@@ -172,7 +173,9 @@ class Stream:
         where = where or f"{self._source}, frame {self._count}"
         with undisturbed():
             seen = self._reader.observed(hand, object_pose, where)
-            self._tell(self._look.push(seen, where))
+            unread = object_pose is not None and not self._meshes and not self._has_unread
+            self._tell((*self._look.push(seen, where), *([POSES_UNREAD] if unread else ())))
+            self._has_unread |= unread
             now = self._inward(seen)
             self._lost.append(now.hand is None)
             for frame in self._paced(now):
@@ -209,6 +212,7 @@ class Stream:
         self._before: Observed | None = None
         self._since: Observed | None = None
         self._reader = self._reads()
+        self._has_unread = False  # whether a pose came although there is no mesh
         self._lost: deque[bool] = deque()
         self._clean: deque[CleanHand | None] = deque()
         self._count = self._taken = self._given = self._dropped = 0

@@ -274,6 +274,16 @@ def test_what_is_doubtful_is_logged_once_and_kept_until_the_next_recording(noisy
     assert stream.doubts == ()
 
 
+def test_poses_without_a_mesh_are_doubtful_once(noisy, unmoved, caplog):
+    stream = Stream((), side="left")
+    for _ in range(2):
+        pushed(stream, noisy[:12])
+        assert stream.doubts == (stream_module.POSES_UNREAD,)
+    assert len(caplog.records) == 2
+    stream.push(noisy.hands[0][:1])
+    assert stream.doubts == ()
+
+
 def test_a_frame_that_shows_no_interaction_is_refused_and_not_taken(noisy, unmoved):
     stream, motion = Stream(noisy.object.meshes, side="left", lag=0.1), noisy.object
     away = 1000 * motion.translation[:60]
