@@ -106,7 +106,7 @@ class DatasetReader:
         if clock is not None:
             sequence, nearest = clock.even(sequence)
             checks = checks[nearest]
-        return Recording(parts.name or clip.name, sequence, names, checks)
+        return Recording(parts.name or clip.name, sequence, names, checks, tuple(notes))
 
 
 def reads(
@@ -178,7 +178,8 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
     for span in stretches:
         if any(bool(hand.valid[span].any()) for hand in whole.sequence.hands):
             name, part = f"{whole.name}_{span.start:05d}", builders.stretch_of(whole.sequence, span)
-            found.append(Recording(name, part, whole.mesh_names, whole.cross_checks[span]))
+            checks = whole.cross_checks[span]
+            found.append(Recording(name, part, whole.mesh_names, checks, whole.notes))
     if not found:
         raise InputError(f"{whole.name}: expected a hand and the object in one frame, got none")
     return found

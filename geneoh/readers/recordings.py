@@ -51,9 +51,14 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
         InputError: a file cannot be read, or there are several recordings and no `clip` is passed.
         MissingAssetError: a file that the user must supply is missing.
     """
-    recording = read_one(source, Path(path), options_with_files(**options), clip)
+    return read_recording(source, Path(path), clip, **options).sequence
+
+
+def read_recording(source: str, path: Path, clip: str | None = None, **options: Any) -> Recording:
+    """As `read`, with the notes on what was assumed."""
+    recording = read_one(source, path, options_with_files(**options), clip)
     check_sequence(recording.sequence, recording.name)
-    return recording.sequence
+    return recording
 
 
 def options_with_files(

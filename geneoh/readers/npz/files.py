@@ -34,7 +34,7 @@ from geneoh.readers.npz.meshes import (
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
 from geneoh.readers.places import Place, place_of
-from geneoh.readers.recordings import read
+from geneoh.readers.recordings import read_recording
 from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -108,7 +108,11 @@ def load(
     if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
         bare = {"joint_order": joint_order, "keypoint_unit": keypoint_unit, "camera": camera}
         shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
-        return read(source, path, obj=obj or (), object_pose=object_pose, **shared, **bare)
+        given = {"obj": obj or (), "object_pose": object_pose, **shared, **bare}
+        recording = read_recording(source, Path(path), **given)
+        for note in recording.notes:
+            LOG.warning("%s: %s", path, note)
+        return recording.sequence
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     given = poses_of(object_pose, "geneoh.load")
     record = layouts.read_fields(path)

@@ -1,3 +1,4 @@
+import json
 import logging
 import os
 from dataclasses import replace
@@ -124,6 +125,17 @@ def test_a_missing_frame_rate_is_assumed_aloud_or_given(tmp_path, caplog):
     write_good(tmp_path)
     with pytest.raises(InputError, match="the file says 30 frames a second, got --fps 60"):
         load(tmp_path / "hand.npz", fps=60.0)
+
+
+def test_what_is_assumed_of_keypoints_in_other_files_is_logged_as_of_an_npz(tmp_path, caplog):
+    joints = good_arrays()["joints"]
+    np.save(tmp_path / "hand.npy", joints)
+    (tmp_path / "hand.json").write_text(json.dumps([{"right": each.tolist()} for each in joints]))
+    for name in ("hand.npy", "hand.json"):
+        caplog.clear()
+        source = load(tmp_path / name, side="right").source
+        assert "30 frames a second assumed" in source
+        assert f"{name}: 30 frames a second assumed" in caplog.text
 
 
 def test_a_slip_in_a_field_name_is_told(tmp_path, caplog):
