@@ -57,6 +57,8 @@ def read_archive(path: Path) -> Arrays:
 
 def got_instead(data: bytes) -> str:
     """For a message: the kind of a file that is no zip, by its first bytes, and what to do."""
+    if not data:
+        return "an empty file; write or copy it again"
     if data.startswith(b"\x93NUMPY"):
         return "a single .npy array; save the arrays by name with numpy.savez"
     if data.startswith(b"\x80"):

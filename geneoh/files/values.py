@@ -37,6 +37,8 @@ def read_values(path: Path) -> Any:
     `InputError` for files that are damaged, too large, or name a class that is no array or tensor.
     """
     data = read_bytes(path)
+    if not data:
+        raise InputError(f"{path}: expected data, got an empty file; write or copy it again")
     try:
         return decode(data, str(path))
     except InputError:

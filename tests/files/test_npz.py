@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from geneoh.errors import ConfigError, InputError
 from geneoh.files import npz
 from geneoh.files.npz import read_archive, write_archive
+from geneoh.files.values import read_values
 
 ARRAYS = {
     "numbers": np.arange(24, dtype=np.float32).reshape(2, 3, 4),
@@ -191,3 +192,10 @@ def test_a_zip_of_other_files_is_to_be_unpacked(tmp_path):
         archive.writestr("track.npz", b"")
     with pytest.raises(InputError, match=r"a zip of 'track\.npz'; unpack it"):
         read_archive(tmp_path / "a.npz")
+
+
+def test_an_empty_file_is_called_empty(tmp_path):
+    (tmp_path / "hand.npz").touch()
+    for read in (read_archive, read_values):
+        with pytest.raises(InputError, match=r"hand\.npz: .* got an empty file; write or copy it"):
+            read(tmp_path / "hand.npz")
