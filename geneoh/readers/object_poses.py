@@ -11,7 +11,13 @@ from geneoh.errors import InputError, numbered
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
 from geneoh.readers.clock import EVEN, GAP_FRAMES, TIME_NAMES, Clock, is_column
-from geneoh.readers.foreign_files import by_frame, number_in, numbered_files, read_numbers
+from geneoh.readers.foreign_files import (
+    by_frame,
+    frame_number,
+    number_in,
+    numbered_files,
+    read_numbers,
+)
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record
 from geneoh.readers.trajectories import in_seconds, is_text, read_trajectory, with_bottom_row
 from geneoh.readers.transforms import refuse_other_matrices
@@ -86,6 +92,8 @@ class ObjectPoses:
         which = f", which are numbers {first} to {first + frames - 1}," if first else ","
         got = f"{len(self.matrices)}" + (f" from number {self.first} on" if self.first else "")
         cure = "cut them to the same frames"
+        if len(self.matrices) < frames:
+            cure += ", or write NaN for the first or last ones where the object was not found"
         if self.times is not None:
             cure += ", or save the times of the hand's frames, too, as 'timestamps'"
         elif clock is not None and clock.is_of_times:
@@ -176,8 +184,6 @@ def read_poses(path: Path) -> ObjectPoses:
     """
     if path.is_dir():
         return poses_in_folder(path)
-    if path.is_file() and not path.stat().st_size:
-        raise InputError(f"{path}: expected poses, got an empty file; write it again")
     if is_text(path):
         return ObjectPoses(*read_trajectory(path))
     value = read_values(path)
@@ -209,6 +215,12 @@ def poses_in_folder(folder: Path) -> ObjectPoses:
         times = in_seconds(folder, "timestamp", np.array([stamps[file] for file in files]))
         return ObjectPoses(np.stack(list(map(read_matrix, files))), times=times)
     found = numbered_files(folder, "*.txt")
+    if twice := [file for file in files if file not in found.values()]:
+        other = found[frame_number(twice[0])]
+        raise InputError(
+            f"{folder}: expected one text for each frame, got {twice[0].name} and {other.name}, "
+            "which have the same number; remove one, and keep the poses of one object or camera"
+        )
     first = min(found)
     poses = {frame - first: read_matrix(file) for frame, file in found.items()}
     return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first)

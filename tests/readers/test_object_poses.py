@@ -231,7 +231,7 @@ def test_numbers_of_poses_that_are_not_those_of_the_hand_are_told(tmp_path):
 
 def test_an_empty_file_of_poses_is_called_empty(tmp_path):
     (tmp_path / "obj.csv").touch()
-    with pytest.raises(InputError, match=r"obj\.csv: expected poses, got an empty file"):
+    with pytest.raises(InputError, match=r"obj\.csv: expected data, got an empty file"):
         read_poses(tmp_path / "obj.csv")
 
 
@@ -288,6 +288,18 @@ def test_texts_of_a_folder_are_frames_in_the_order_of_their_numbers(tmp_path):
     known = np.isfinite(poses).all((1, 2))
     assert np.flatnonzero(known).tolist() == [0, 1, 3, 8]
     assert poses[known, 0, 3].tolist() == [2, 3, 5, 10]
+
+
+def test_two_texts_of_one_frame_are_refused(tmp_path):
+    for name in ("000003.txt", "000004.txt", "camera_4.txt"):
+        np.savetxt(tmp_path / name, pose(1))
+    with pytest.raises(InputError, match=r"got 000004\.txt and camera_4\.txt, which have the same"):
+        read_poses(tmp_path)
+
+
+def test_fewer_poses_than_frames_may_be_completed_by_nan(tmp_path):
+    with pytest.raises(InputError, match="got 11; cut them to the same frames, or write NaN for"):
+        geneoh.load(hand_of(tmp_path, TIMES, fps=30.0), object_pose=POSES[1:])
 
 
 def test_texts_that_are_named_by_times_come_one_after_the_other(tmp_path):
