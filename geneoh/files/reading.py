@@ -32,7 +32,10 @@ of an array as Python literals."""
 
 HEAD_BYTES = 200
 """Bytes at the start of a file that tell what it is."""
+EXPORT = "export what it holds of hands or objects as CSV or JSON"
 STAND_INS = (
+    ((b"#rosbag", b"\x89mcap"), f"a ROS bag; {EXPORT}"),
+    (b"sqlite format 3", f"a database of SQLite, as a ROS bag may be; {EXPORT}"),
     (b"version https://git-lfs", "a pointer of Git LFS; fetch the file itself with `git lfs pull`"),
     (
         (b"<!doctype html", b"<html"),
