@@ -18,8 +18,14 @@ from geneoh.readers.foreign_files import (
     numbered_files,
     read_numbers,
 )
+from geneoh.readers.pose_tables import with_bottom_row
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record
-from geneoh.readers.trajectories import in_seconds, is_text, read_trajectory, with_bottom_row
+from geneoh.readers.trajectories import (
+    in_seconds,
+    is_text,
+    read_trajectory,
+    refuse_other_lengths,
+)
 from geneoh.readers.transforms import refuse_other_matrices
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4), (4, 4), (3, 4))
@@ -81,7 +87,7 @@ class ObjectPoses:
             known = "the hand has times and the object's poses none"
         elif self.times is not None:
             known = "the object's poses have times and the hand none"
-        elif clock is not None and self.first and self.first != (begin := round(clock.told[0])):
+        elif clock is not None and self.first and self.first != (begin := round(clock.stamps[0])):
             known = f"the object's poses begin with frame {self.first} and the hand with {begin}"
         else:
             return ()
@@ -196,9 +202,23 @@ def read_poses(path: Path) -> ObjectPoses:
             f"{', '.join(map(str, fields))[:200]}; save them as npy"
         )
     poses = pose_field(Record(str(path), fields), (shaped or list(fields))[0])
+    columns = {n: fields[n] for n in TIME_NAMES if isinstance(fields.get(n), Array | list)}
+    refuse_other_lengths(columns, len(poses), path)
+    poses = seen_poses(poses, Record(str(path), fields, "give one for each pose"))
     name = next((name for name in TIME_NAMES if is_column(fields.get(name), len(poses))), None)
     times = None if name is None else in_seconds(path, name, np.asarray(fields[name], float))
     return ObjectPoses(poses, times=times)
+
+
+def seen_poses(poses: Array, record: Record) -> Array:
+    """(T, 4, 4) or (T, Q, 4, 4) poses, NaN where the field 'object_valid' says that a part was not
+    found."""
+    seen = record.optional_array("object_valid", ("T", "Q"), ("T",))
+    if seen is None:
+        return poses
+    if seen.shape not in (poses.shape[:1], poses.shape[:-2]):
+        raise record.refuse("object_valid", f"{len(poses)} frames")
+    return np.where(seen.reshape(*seen.shape, *[1] * (poses.ndim - seen.ndim)) > 0, poses, np.nan)
 
 
 def poses_in_folder(folder: Path) -> ObjectPoses:

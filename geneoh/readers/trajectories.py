@@ -7,8 +7,7 @@ xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4 are whole matrices.
 """
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -19,16 +18,17 @@ from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of, unreadable
 from geneoh.readers import bop
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
-from geneoh.readers.column_names import (
-    Coordinate,
-    columns_called,
-    coordinate_in,
-    plain_name,
-    split_stamp,
-)
+from geneoh.readers.column_names import plain_name
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text, time_in
+from geneoh.readers.pose_tables import (
+    TO_NAME,
+    Table,
+    column_called,
+    is_known_column,
+    poses_in,
+    with_stamps,
+)
 from geneoh.readers.records import FRAME_LIMIT, Array
-from geneoh.readers.transforms import rigid_matrices, rigid_of_xyzw
 
 PICKLES = (".pkl", ".pickle", ".p")
 """Endings of pickles, which may begin like a text."""
@@ -38,30 +38,8 @@ NUMBER = re.compile(r"[-+]?\.?\d|nan\b", re.IGNORECASE)
 
 TUM: list[str] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
 """Columns of a trajectory in TUM's format, which has no heading."""
-TO_NAME = (
-    "name the columns in a heading, such as timestamp,x,y,z,qx,qy,qz,qw, or save (T, 4, 4) "
-    "matrices with numpy.save"
-)
-"""Remedy for a table whose columns are unknown."""
-
-NORM_TOLERANCE = 0.05
-"""Largest difference of a quaternion's norm from 1, as rounded numbers may have."""
-
 HIGHEST_RATE = 2000.0
 """Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of numbers, NaN where a cell holds none, and the names of the columns, if any."""
-
-    path: Path
-    names: list[str]
-    rows: Array
-
-    def refuse(self, expected: str, got: str, remedy: str = TO_NAME) -> InputError:
-        """The error for a table that is not what it should be."""
-        return InputError(f"{self.path}: expected {expected}, got {got}; {remedy}")
 
 
 def is_text(path: Path) -> bool:
@@ -137,11 +115,6 @@ def table_in_text(path: Path) -> Table:
     return Table(path, names, np.array(numbers))
 
 
-def is_known_column(name: str) -> bool:
-    """Whether the name of a column denotes a coordinate, a time or a frame number."""
-    return coordinate_in(name) is not None or plain_name(name) in CLOCK_NAMES
-
-
 def cells_of(line: str, separator: str | None, comma: str = ".") -> list[str]:
     """The cells of a line; commas that do not separate cells are replaced by `comma`."""
     cells = line.split(separator)
@@ -157,16 +130,56 @@ def table_in_json(value: Any, path: Path) -> Table:
         beside, value = {name: [number for number, _ in items]}, [each for _, each in items]
     elif isinstance(value, dict):
         lists = {name: each for name, each in value.items() if isinstance(each, list) and each}
-        value = next((each for each in lists.values() if isinstance(each[0], dict | list)), [])
-        beside = {name: each for name, each in lists.items() if is_column(each, len(value))}
-        beside = {name: each for name, each in beside.items() if name in CLOCK_NAMES}
+        value = only_poses(lists, path)
+        beside = {name: each for name, each in lists.items() if name in CLOCK_NAMES}
+        refuse_other_lengths(beside, len(value), path)
+        beside = {name: each for name, each in beside.items() if is_column(each, len(value))}
     if not isinstance(value, list) or not value:
         raise InputError(f"{path}: expected a list of poses, got none; {TO_NAME}")
-    rows = [dict(flat_fields(bop.pose_of_image(each, path), path)) for each in value]
+    return table_of_items(value, path, beside)
+
+
+def table_of_items(items: list[Any], path: Path, beside: Mapping[str, Any]) -> Table:
+    """The table of a list of poses, with further columns `beside` them."""
+    rows = [dict(flat_fields(bop.pose_of_image(each, path), path)) for each in items]
     for name, numbers in beside.items():
         rows = [{**row, name: n} for row, n in zip(rows, numbers, strict=True)]
     names = list(dict.fromkeys(chain.from_iterable(rows)))
     return Table(path, names, np.array([[row.get(n, np.nan) for n in names] for row in rows]))
+
+
+def only_poses(lists: Mapping[str, list[Any]], path: Path) -> list[Any]:
+    """The one of some lists that holds poses; if none does, the first whose items are no numbers.
+
+    `InputError` if several do, as for several objects.
+    """
+    nested = {n: each for n, each in lists.items() if any(isinstance(i, dict | list) for i in each)}
+    found = [name for name, each in nested.items() if len(nested) < 2 or holds_poses(each, path)]
+    if len(found) > 1:
+        raise InputError(
+            f"{path}: expected the poses of one object, got {', '.join(found)[:200]}; keep one of "
+            "them"
+        )
+    return nested[found[0]] if found else next(iter(nested.values()), [])
+
+
+def holds_poses(items: list[Any], path: Path) -> bool:
+    """Whether the items of a list can be read as poses."""
+    try:
+        poses_in(table_of_items(items, path, {}))
+    except InputError:
+        return False
+    return True
+
+
+def refuse_other_lengths(columns: Mapping[str, Any], count: int, path: Path) -> None:
+    """Refuse times and frame numbers of which there are more or fewer than the `count` poses."""
+    for name, each in columns.items():
+        if is_column(each, len(each)) and len(each) != count:
+            raise InputError(
+                f"{path}: '{name}' must be one number for each of the {count} poses, got "
+                f"{len(each)}; correct it or leave it out"
+            )
 
 
 def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, float]]:
@@ -181,6 +194,11 @@ def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, f
         flat = np.array(value, dtype=object).ravel().tolist()
         order = next((order for order in ("xyzw", "wxyz") if order in name.lower()), None)
         axes = order if len(flat) == 4 else "xyz" if len(flat) == 3 else None
+        if len(flat) == 4 and axes is None and not name:
+            raise InputError(
+                f"{path}: expected a list of poses, or poses by frame number, got lists of four "
+                f"numbers without a name; {TO_NAME}"
+            )
         if len(flat) == 4 and axes is None:
             raise InputError(
                 f"{path}: '{name}' must say the order of its four numbers, got none; call it "
@@ -192,93 +210,6 @@ def flat_fields(value: Any, path: Path, name: str = "") -> Iterable[tuple[str, f
         read = time_in if plain_name(name) in TIME_NAMES else number_in
         if not np.isnan(number := read(str(value))):
             yield name, number
-
-
-def poses_in(table: Table) -> Array:
-    """(T, 4, 4) poses of the rows."""
-    if table.names:
-        return named_poses(table)
-    rows, width = table.rows, table.rows.shape[1]
-    if width == 4 and len(rows) % 4 == 0:
-        return rows.reshape(-1, 4, 4)
-    if width in (12, 16):
-        return with_bottom_row(rows.reshape(len(rows), -1, 4))
-    raise table.refuse(
-        "columns with names, rows of 16 or 12 numbers of a matrix, or rows of TUM with spaces "
-        "between the numbers",
-        f"rows of {width} numbers without names",
-    )
-
-
-def with_bottom_row(matrices: Array) -> Array:
-    """(..., 4, 4) from (..., 3, 4) matrices; matrices of four rows stay as they are."""
-    if matrices.shape[-2] == 4:
-        return matrices
-    bottom = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*matrices.shape[:-2], 1, 4))
-    return np.concatenate([matrices, bottom], axis=-2)
-
-
-def named_poses(table: Table) -> Array:
-    """(T, 4, 4) poses from named columns: translation and quaternion, or a matrix."""
-    coordinates = {name: found for name in table.names if (found := coordinate_in(name))}
-    turn = columns_of({name: at for name, at in coordinates.items() if at.is_turn}, "xyzw")
-    places = {name: at for name, at in coordinates.items() if not at.is_turn}
-    marked = columns_of({name: at for name, at in places.items() if at.is_marked}, "xyz")
-    place = marked or columns_of({name: at for name, at in places.items() if not at.of}, "xyz")
-    if turn and place:
-        rows = table.rows[:, [table.names.index(name) for name in (*turn, *place)]]
-        length = np.linalg.norm(rows[:, :4], axis=1)
-        if (wrong := (length > 0) & (np.abs(length - 1) > NORM_TOLERANCE)).any():
-            first = int(np.flatnonzero(wrong)[0])
-            raise table.refuse(
-                "quaternions of length 1", f"one of length {length[first]:.3g} in row {first}"
-            )
-        return rigid_of_xyzw(rows)
-    matrices = [found for found in numbers_of_lists(table) if len(found) in (12, 16)]
-    turns = [found for found in numbers_of_lists(table) if len(found) == 9]
-    if len(matrices) == 1:
-        return with_bottom_row(table.rows[:, matrices[0]].reshape(len(table.rows), -1, 4))
-    if place and len(turns) == 1:
-        at = [table.names.index(name) for name in place]
-        return rigid_matrices(table.rows[:, turns[0]].reshape(-1, 3, 3), table.rows[:, at])
-    raise table.refuse(
-        "columns of one object's place (x, y, z) and quaternion (qx, qy, qz, qw), each once",
-        f"{', '.join(table.names)[:200]}",
-    )
-
-
-def numbers_of_lists(table: Table) -> list[list[int]]:
-    """Columns of each list (`name[i]`), and in a group of their own those with unknown names."""
-    found: dict[str, list[int]] = {}
-    for at, name in enumerate(table.names):
-        label = name.partition("[")[0] if name.endswith("]") else ""
-        if label or not is_known_column(name):
-            found.setdefault(label, []).append(at)
-    return list(found.values())
-
-
-def columns_of(coordinates: dict[str, Coordinate], axes: str) -> list[str]:
-    """The columns of some axes, in order; none if an axis is missing or occurs twice."""
-    by_axis = {axis: [name for name, at in coordinates.items() if at.axis == axis] for axis in axes}
-    names = [name for found in by_axis.values() for name in found]
-    return names if all(len(found) == 1 for found in by_axis.values()) else []
-
-
-def with_stamps(table: Table) -> Table:
-    """The table, with a time in one column where ROS has split it into two."""
-    parts = split_stamp(table.names)
-    if parts is None or column_called(table, TIME_NAMES):
-        return table
-    seconds, nanoseconds = (table.rows[:, table.names.index(part)] for part in parts)
-    rows = np.column_stack([table.rows, seconds + 1e-9 * nanoseconds])
-    return replace(table, names=[*table.names, "stamp_s"], rows=rows)
-
-
-def column_called(table: Table, names: Iterable[str]) -> tuple[str, Array] | None:
-    """The first of some names whose column holds finite numbers only, and those numbers."""
-    called = columns_called(table.names, names)
-    found = ((name, table.rows[:, table.names.index(column)]) for name, column in called)
-    return next((each for each in found if np.isfinite(each[1]).all()), None)
 
 
 def in_seconds(path: Path, name: str, values: Array) -> Array:

@@ -106,6 +106,16 @@ def test_a_trajectory_is_read_as_other_programs_write_it(tmp_path, name):
         ("position: [1, 2, 3]\n", "expected rows of numbers"),
         (json.dumps([{"p": [1, 2, 3], "q": [0, 0, 0, 1]}]), "call it q_xyzw or q_wxyz"),
         (json.dumps({"fps": 30}), "expected a list of poses"),
+        (
+            json.dumps({"mug": POSES.tolist(), "box": POSES[:3].tolist()}),
+            "one object, got mug, box",
+        ),
+        (
+            json.dumps({"poses": POSES.tolist(), "timestamps": [1, 2]}),
+            "each of the 12 poses, got 2",
+        ),
+        (json.dumps({"frame_0": POSES[0].tolist()}), "a list of poses, or poses by frame number"),
+        (json.dumps([1, 2, 3]), "each once, got no names"),
         ("x,y,z,qx,qy,qz,qw\n1,2,3,,,,\n", "expected poses in numbers, got none"),
     ],
 )
@@ -227,6 +237,37 @@ def test_numbers_of_poses_that_are_not_those_of_the_hand_are_told(tmp_path):
     )
     found = geneoh.load(path, object_pose=tmp_path / "obj.csv")
     assert "begin with frame 7 and the hand with 5: taken one for each frame" in found.source
+
+
+def test_the_one_list_of_poses_of_a_json_is_read(tmp_path):
+    beside = {
+        "cameras": [{"name": "left"}],
+        "points": [[1, 2, 3]],
+        "poses": [None, *POSES.tolist()],
+    }
+    (tmp_path / "obj.json").write_text(json.dumps(beside))
+    found = read_poses(tmp_path / "obj.json").matrices
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1:], POSES, atol=1e-9)
+
+
+def test_poses_of_an_npz_that_are_not_valid_are_lost(tmp_path):
+    seen = np.arange(FRAMES) > 2
+    np.savez(tmp_path / "obj.npz", poses=POSES, object_valid=seen)
+    np.testing.assert_array_equal(
+        np.isfinite(read_poses(tmp_path / "obj.npz").matrices[:, 0, 0]), seen
+    )
+    both = np.stack([seen, ~seen], axis=1)
+    np.savez(tmp_path / "obj.npz", poses=POSES[:, None].repeat(2, 1), object_valid=both)
+    found = read_poses(tmp_path / "obj.npz").matrices
+    np.testing.assert_array_equal(np.isfinite(found[..., 0, 0]), both)
+    for fields, words in (
+        ({"object_valid": seen[1:]}, "'object_valid' must be 12 frames"),
+        ({"timestamps": TIMES[1:]}, "'timestamps' must be one number for each of the 12 poses"),
+    ):
+        np.savez(tmp_path / "obj.npz", poses=POSES, **fields)
+        with pytest.raises(InputError, match=words):
+            read_poses(tmp_path / "obj.npz")
 
 
 def test_an_empty_file_of_poses_is_called_empty(tmp_path):
