@@ -87,7 +87,7 @@ class ObjectPoses:
             known = "the hand has times and the object's poses none"
         elif self.times is not None:
             known = "the object's poses have times and the hand none"
-        elif clock is not None and self.first and self.first != (begin := round(clock.stamps[0])):
+        elif clock is not None and self.first and self.first != (begin := round(clock.values[0])):
             known = f"the object's poses begin with frame {self.first} and the hand with {begin}"
         else:
             return ()
