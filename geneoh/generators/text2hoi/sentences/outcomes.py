@@ -14,9 +14,10 @@ _MOVE = (
     *("push", "pull", "slide", "drag", "draw", "shove", "swing", "flip", "flick", "spin", "rotate"),
     *("roll", "tip", "tilt", "lift", "raise", "lower", "press", "tap", "poke", "hit", "knock"),
     *("kick", "slam", "bang", "pry", "prise", "crank", "nudge", "ease", "yank", "tug", "take"),
-    *("get", "move", "fold", *_REMOVE, *_ATTACH, *_TURN),
+    *("get", "move", "bring", "fold", *_REMOVE, *_ATTACH, *_TURN),
 )
-_FORMS = {form: number for verb in _MOVE for number, form in enumerate(forms(verb))}
+_FORMS = {form: number for verb in _MOVE for number, form in reversed([*enumerate(forms(verb))])}
+"""The inflected form that a word is; of those that look alike ("put") the first."""
 
 
 def _any_of(verbs: Sequence[str]) -> str:
@@ -24,30 +25,56 @@ def _any_of(verbs: Sequence[str]) -> str:
     return rf"\b(?P<verb>{'|'.join(form for verb in verbs for form in forms(verb))})\b"
 
 
+def _done_to_lid(verbs: Sequence[str]) -> str:
+    """A pattern for a lid and some verbs in the passive: "the lid of the jar is being taken"."""
+    past = "|".join(forms(verb)[3] for verb in verbs)
+    return rf"(?P<before>\b{_LIDS}(?: (?:of|on)(?: [\w']+){{1,3}}?)?{_BE}) (?P<verb>{past})\b"
+
+
 _STOP = "with|using|by|and|or|then|while|which|is|are|was|to|until|so|without|not|before|after"
 _THE = "|".join(DETERMINERS)
 _WORD = rf" (?!(?:{_STOP}|half)\b)[\w']+"
 _THING = rf"(?P<thing>(?:{_WORD}){{0,6}} (?!(?:{_STOP}|{_THE}|half)\b)[\w']+)"
 _ENDS = rf"(?=$| (?:{_STOP}|{_THE}|for|from|in|on|at|all|again|fully|\w+ly)\b)"
-_LID = r"(?P<thing>(?: [\w']+){0,3}? (?:lid|cap|cover|cork|stopper|plug))"
+_LIDS = "(?:lid|cap|cover|cork|stopper|plug)"
+_LID = rf"(?P<thing>(?: [\w']+){{0,3}}? {_LIDS})"
+_IT = r"(?P<thing> (?:it|them))"
+_BE = "(?: (?:is|are|was|were|be|being|been|gets|then|slowly|carefully))+"
+_LAST = rf"(?=$| (?:{_STOP}|again|fully|\w+ly)\b)"
 _IN_PLACE = r"\b(?! (?:the|a|my|your|this) (?:table|desk|shelf|floor|ground|counter)\b)"
+_WAY = r"(?: all the way)?(?: (?:down|up|in|out|back|over|around|forward))?"
+_HAND = r"(?P<hand>(?: (?:with|using)(?: \w+){1,2} hands?)?)"
+_MOVED = rf"{_any_of(_MOVE)}(?P<thing>(?:{_WORD}){{1,6}}?){_WAY}{_HAND}"
+_TO = "(?:in order |so as )?to (?P<aim>open|close|shut)"
+_UNTIL = r"(?:until|till)(?: (?!with\b|and\b)[\w']+){0,4}? (?P<aim>open(?:ed|s)?|shuts?|close[ds])"
 _PATTERNS = (
     (rf"{_any_of(_MOVE)}{_THING}?? (?P<outcome>open|shut|closed){_ENDS}", ""),
     (rf"{_any_of(_MOVE)}{_LID} off{_IN_PLACE}", "open"),
     (rf"{_any_of(_MOVE)} off{_LID}\b", "open"),
+    (rf"{_any_of(_MOVE)}{_IT} off{_LAST}", "open"),
+    (rf"{_done_to_lid(_MOVE)} off{_IN_PLACE}", "open"),
     (rf"{_any_of(_REMOVE)}{_LID}\b", "open"),
+    (rf"{_any_of(_REMOVE)}{_IT}{_LAST}", "open"),
+    (_done_to_lid(_REMOVE), "open"),
     (rf"{_any_of((*_ATTACH, *_TURN))}{_LID}(?: back)? on{_IN_PLACE}", "close"),
     (rf"{_any_of((*_ATTACH, *_TURN))}(?: back)? on{_LID}\b", "close"),
+    (rf"{_any_of((*_ATTACH, *_TURN))}{_IT}(?: back)? on{_LAST}", "close"),
+    (rf"{_done_to_lid((*_ATTACH, *_TURN))}(?: back)? on{_IN_PLACE}", "close"),
+    (rf"{_MOVED} {_TO}(?: it| them)?{_LAST}", ""),
+    (rf"{_MOVED} {_TO}(?= (?:{_THE}) )", "aim"),
+    (rf"{_MOVED} {_UNTIL}{_LAST}", ""),
 )
-"""Patterns and the verbs that they mean ("": by the outcome); all but the first need two parts."""
+"""Patterns and the verbs that they mean ("": by the outcome; "aim": by the outcome, for the object
+that follows, as in "lower the lid to close the box"); all but the first need two parts."""
 
 
 def outcomes_as_verbs(words: Sequence[str], *, jointed: bool) -> list[str]:
     """Words of a sentence with "open" and "close" in place of verbs that have this outcome.
 
-    "Flip the lid open" becomes "open the lid". Verbs that take a lid off or put it on are replaced
-    only if the object is `jointed`: a separate lid is lifted or put down. Phrases that `VERB_WORDS`
-    lists, such as "push shut", stay.
+    "Flip the lid open" becomes "open the lid". Only if the object is `jointed`, verbs that take a
+    lid off or put it on are replaced, and those that say what they are for ("to close it", "until
+    it is shut"): a separate lid is lifted or put down. Phrases that `VERB_WORDS` lists, such as
+    "push shut", stay.
     """
     said = " ".join(words)
     for pattern, verb in _PATTERNS if jointed else _PATTERNS[:1]:
@@ -57,10 +84,17 @@ def outcomes_as_verbs(words: Sequence[str], *, jointed: bool) -> list[str]:
 
 def _with_outcome(match: re.Match[str], verb: str) -> str:
     """The words of a match with the verb of its outcome, in the same inflected form."""
-    moves, outcome = match["verb"], match.groupdict().get("outcome")
+    said = match.groupdict("")
+    moves, outcome = said["verb"], said.get("outcome") or said.get("aim")
+    follows = verb == "aim"
     if outcome:
-        verb = "open" if outcome == "open" else "close"
+        verb = "open" if outcome.startswith("open") else "close"
         listed = (phrase.split() for phrase in VERB_WORDS[verb])
-        if any(moves in forms(first) and rest == [outcome] for first, *rest in listed):
+        if "outcome" in said and any(
+            moves in forms(first) and rest == [outcome] for first, *rest in listed
+        ):
             return match[0]
-    return forms(verb)[_FORMS[moves]] + (match["thing"] or "")
+    if "before" in said:
+        return f"{said['before']} {forms(verb)[-1]}"
+    form, hand = forms(verb)[_FORMS[moves]], said.get("hand", "")
+    return f"{hand} {form}".strip() if follows else f"{form}{said['thing']}{hand}"

@@ -98,6 +98,9 @@ def test_phrases_for_open_and_close_that_are_learned_stay(said):
         ("screw the lid back on", "close", "rotate"),
         ("put the lid on the box", "close", "put down"),
         ("put the lid on the table", "put down", "put down"),
+        ("the cap is screwed off", "open", "rotate"),
+        ("the lid of the jar is being taken off by the left hand", "open", "carry"),
+        ("the lid is screwed back on", "close", "rotate"),
         ("press on the lid", "press", "press"),
         ("take the box off the table", "carry", "carry"),
     ],
@@ -105,6 +108,29 @@ def test_phrases_for_open_and_close_that_are_learned_stay(said):
 def test_a_lid_that_comes_off_opens_an_object_of_two_parts(said, verb, alone):
     assert read_prompt(said, jointed=True).verb == verb
     assert read_prompt(said).verb == alone
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("twist it off", "open it"),
+        ("unscrew it with the left hand", "open it with the left hand"),
+        ("put it back on", "close it"),
+        ("bring the lid down to close", "close the lid"),
+        ("lift the lid with the left hand to open it", "open the lid with the left hand"),
+        ("the left hand lowers the lid to close the box", "the left hand closes the box"),
+        ("lower the lid with the left hand to close the box", "with the left hand close the box"),
+        ("move the door until it is shut", "close the door"),
+        ("raising the lid all the way up until it's fully open", "opening the lid"),
+        ("take it off the table", "take it off the table"),
+        ("put it on the plate", "put it on the plate"),
+        ("the lid is put on the table", "the lid is put on the table"),
+        ("push the box to the open door", "push the box to the open door"),
+    ],
+)
+def test_what_a_verb_is_for_opens_or_closes_an_object_of_two_parts(said, told):
+    assert read_prompt(said, jointed=True).told == told
+    assert read_prompt(said).told == said
 
 
 @pytest.mark.parametrize(
