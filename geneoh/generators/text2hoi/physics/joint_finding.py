@@ -112,13 +112,14 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
     """The joint of two meshes with its range, and notes on what was found.
 
     Raises:
-        InputError: the parts are far apart, the passed joint does not open them, or no joint is
-            passed and none is found from their shapes.
+        InputError: the parts are far apart, the passed joint is far from them or does not open
+            them, or no joint is passed and none is found from their shapes.
     """
     parts = Parts.of(meshes)
     if given is None:
         joint, notes = found_joint(parts, named(meshes[1]))
         return joint, (f"the joint is found from the meshes: --joint {joint}", *notes)
+    refuse_far(meshes, given)
     asked = given.most or (SLIDE if given.slides else HINGE)
     least, room = LEAST_RANGE[given.kind], parts.room(given, asked)
     if room >= least:
@@ -133,6 +134,18 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
             "into it at once; turn the axis round"
         )
     return replace(given, most=asked), ("the parts run through each other as the joint moves",)
+
+
+def refuse_far(meshes: tuple[Mesh, Mesh], joint: Joint) -> None:
+    """`InputError` for a hinge whose axis is farther from the parts than they are long."""
+    verts = torch.cat([mesh.verts for mesh in meshes])
+    size = float((verts.amax(0) - verts.amin(0)).norm())
+    away = float(torch.linalg.cross(verts - joint.pivot, joint.axis[None]).norm(dim=1).amin())
+    if not joint.slides and away > size:
+        raise InputError(
+            f"joint '{joint}': expected an axis at the parts, which are {size:.3g} m long, got one "
+            f"{away:.3g} m away; give its point in metres, in the frame of the meshes"
+        )
 
 
 def found_joint(parts: Parts, name: str) -> tuple[Joint, tuple[str, ...]]:

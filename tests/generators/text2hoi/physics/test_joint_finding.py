@@ -89,3 +89,9 @@ def test_a_range_beyond_which_parts_meet_ends_there():
     assert joint.most is not None
     assert OPENS < joint.most < math.radians(150)
     assert "the parts meet beyond" in note
+
+
+def test_a_hinge_far_from_the_parts_is_refused_as_not_in_metres():
+    joint = Joint.read("hinge:0,55,70:-1,0,0")
+    with pytest.raises(InputError, match=r"got one 8\d\.\d m away; give its point in metres"):
+        joint_of(box_with_lid(), joint)
