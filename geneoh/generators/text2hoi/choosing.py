@@ -56,6 +56,12 @@ def missed_motion(actions: Actions) -> Float[Tensor, " B"]:
     return missed - MISSED_SHARE * _over_frames(drawn.norm(dim=-1).mean(-1), actions) - MISSED
 
 
+def moved_by(actions: Actions) -> Float[Tensor, " B"]:
+    """Largest distance of a part of each object from where it was at the start, metres."""
+    places = _object_places(actions)
+    return (places - places[:, :1]).norm(dim=-1).amax(-1).mul(actions.valid).amax(1)
+
+
 def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
     """Mean distance over the frames between each two of `draws` consecutive samples, metres.
 

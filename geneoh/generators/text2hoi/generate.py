@@ -13,7 +13,7 @@ from geneoh.arguments import checked_call, given_options
 from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields
-from geneoh.generators.text2hoi.choosing import missed_motion
+from geneoh.generators.text2hoi.choosing import missed_motion, moved_by
 from geneoh.generators.text2hoi.networks.library import (
     Text2HoiNetworks,
     load_refiner,
@@ -43,6 +43,9 @@ from geneoh.readers.npz.files import save_sequence
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.actions.action import FPS, Actions
+
+STILL = 0.01
+"""How far an object moves at most that is told to rest, metres."""
 
 
 @dataclass(frozen=True)
@@ -168,6 +171,9 @@ def generate(
     else:
         settle = partial(settled, stood=stood, generator=hold)
         actions = finished(actions, settle if settles else None)
+    if prompt.verb != "press" and moved_by(actions) < STILL:
+        told = "more frames or another seed may make it move"
+        notes = (*notes, f"the object hardly moves in these {frames} frames; {told}")
     if not passed_by(actions, [prompt.giver]).all():
         fault = f"the {prompt.giver} hand does not pass the object on"
         notes = (*notes, _fault_note(options.draws, fault))

@@ -16,6 +16,7 @@ from geneoh.generators.text2hoi.choosing import (
     depth_in_object,
     distances,
     missed_motion,
+    moved_by,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.grasping.contact_pads import hand_spheres
@@ -77,6 +78,15 @@ def test_an_object_that_is_carried_is_where_it_was_drawn_and_one_that_is_not_sta
     travel = 0.2 * float(RISE.mean())
     may = MISSED_SHARE * travel + MISSED
     assert missed_motion(clips).tolist() == pytest.approx([-may, travel - may], abs=1e-5)
+
+
+def test_an_object_has_moved_by_the_farthest_way_of_its_parts():
+    assert moved_by(draws(lifted(), lifted(0.003))).tolist() == pytest.approx([0.2, 0.003])
+    door = box_actions(["open"], frames=FRAMES, jointed=True)
+    still = replace(door, translation=0 * door.translation, rotation=0 * door.rotation)
+    still = replace(still, rotation=still.rotation + torch.eye(3))
+    assert moved_by(still) > 0.02
+    assert moved_by(replace(still, joint=0 * still.joint)) == 0
 
 
 def test_a_part_that_no_hand_moves_is_missed():

@@ -176,6 +176,17 @@ def test_hands_that_do_not_carry_the_object_are_told(mug, monkeypatch):
         assert sum("motion hands are not always at the object" in note for note in notes) == told
 
 
+@pytest.mark.parametrize(("said", "told"), [("lift it", True), ("press it", False)])
+def test_an_object_that_hardly_moves_is_told_unless_it_is_pressed(mug, monkeypatch, said, told):
+    def notes_of(moved):
+        monkeypatch.setattr(module, "moved_by", lambda _: torch.tensor([moved]))
+        return generate(said, mug, PLAIN).prompt.notes
+
+    note = "the object hardly moves in these 20 frames; more frames or another seed may"
+    assert any(note in each for each in notes_of(0.005)) is told
+    assert not any("hardly moves" in each for each in notes_of(0.02))
+
+
 def test_a_mesh_in_memory_will_do():
     mesh = from_trimesh(trimesh.creation.box((0.05, 0.06, 0.1)))
     assert generate("Lift the box.", mesh, PLAIN).sequence.frames == 20
