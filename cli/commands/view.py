@@ -126,5 +126,7 @@ def _refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
     endings = {output.suffix.lower() for output in outputs}
     if ".png" not in endings:
         options.refuse(["frames", "cell"], "needs a filmstrip, -o NAME.png")
+    if not endings & {".html", ".png", ".mp4", ".gif", ".glb"}:
+        options.refuse(["up"], "needs a page, a picture, a film or -o NAME.glb")
     if not endings & {".png", ".mp4", ".gif"}:
         options.refuse(["colouring"], "needs a picture or a film, -o NAME.png, .mp4 or .gif")
