@@ -4,6 +4,9 @@ import torch
 
 from geneoh.errors import ConfigError
 
+UNKNOWN = "Expected one of"
+"""How torch's message on a kind of device that it does not know begins: a list of all kinds."""
+
 
 def named_device(name: str) -> torch.device:
     """The torch device of that name; `ConfigError` where this machine has no such device."""
@@ -12,8 +15,9 @@ def named_device(name: str) -> torch.device:
         torch.zeros(1, device=device).item()  # fails on "meta", whose tensors hold no values
     except (RuntimeError, AssertionError, ImportError) as error:
         said = str(error).splitlines()[0]
+        found = "an unknown kind" if said.startswith(UNKNOWN) else f"'{said}'"
         raise ConfigError(
-            f"--device {name}: expected a device of this machine, got '{said}'; "
+            f"--device {name}: expected a device of this machine, got {found}; "
             "`geneoh info` lists them"
         ) from None
     return device
