@@ -80,6 +80,15 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
         (["--body", "joints.npz", SENTENCE], "expected a body as 'global_orient'"),
         (["--body", "walk.npz", SENTENCE, "--fps", "60"], "says 30 frames a second, got --fps 60"),
         (["--body", "handless.bvh", SENTENCE], "expected a body with arms and hands"),
+        (
+            ["--body", "walk.bvh", SENTENCE, "--skeleton", "none.npz"],
+            "leave --skeleton none.npz out",
+        ),
+        (["--body", "walk.fbx", SENTENCE], "got '.fbx'; export it as BVH"),
+        (
+            ["--body", "norate.npz", SENTENCE, "--fps", "0"],
+            "got 0; correct it in the file or in --fps",
+        ),
         (["--body", "walk.npz", SENTENCE, "--frames", "40"], "--frames has no meaning with --body"),
         (["--body", "walk.npz", SENTENCE, "--refine", "paper"], "--refine paper has no meaning"),
         (["--body", "walk.npz", SENTENCE, "-o", "a.mp4"], "expected .npz, .bvh, .glb"),
@@ -92,6 +101,11 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
 )
 def test_bad_input_ends_in_a_sentence_and_exit_code_2(geneoh, folder, arguments, said):
     np.savez(folder / "joints.npz", joints=np.zeros((6, 21, 3)))
+    with np.load(folder / "walk.npz") as walk:
+        np.savez(
+            folder / "norate.npz", **{name: walk[name] for name in walk.files if name != "fps"}
+        )
+    (folder / "walk.fbx").write_bytes(b"Kaydara FBX Binary  \0")
     bvh = "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}\n"
     (folder / "handless.bvh").write_text(f"{bvh}MOTION\nFrames: 1\nFrame Time: 0.1\n0 0 0\n")
     before = {path: path.read_bytes() for path in folder.iterdir()}

@@ -107,7 +107,7 @@ def checked_body(recording: BodyRecording) -> BodyRecording:
     if not SMALLEST_FPS <= recording.fps <= LARGEST_FPS:
         raise InputError(
             f"{name}: the frame rate must be {SMALLEST_FPS:g} to {LARGEST_FPS:g} frames a second, "
-            f"got {recording.fps:g}; correct it in the file"
+            f"got {recording.fps:g}; correct it in the file or in --fps"
         )
     finite = recording.motion.rotations.flatten(1).isfinite().all(1)
     finite &= recording.motion.root.isfinite().all(1)

@@ -20,6 +20,9 @@ from geneoh.readers.object_poses import poses_of
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
 
+SCENES = (".fbx", ".glb", ".gltf", ".blend", ".abc", ".usd", ".usda", ".usdc", ".c3d", ".bip")
+"""Endings of files of 3D programs, which are not read: these programs export BVH."""
+
 
 def read_bodies(
     path: Path | str, *, fps: float | None = None, up: Axis | None = None, model: Path | None = None
@@ -37,7 +40,14 @@ def read_bodies(
         InputError: the file holds no body that can be read; the message says why.
     """
     path = Path(path)
+    if path.suffix.lower() in SCENES and path.is_file():
+        raise InputError(
+            f"{path}: expected a body as .npz, .npy, .p or .bvh, got '{path.suffix}'; export it as "
+            "BVH"
+        )
     if path.suffix.lower() == ".bvh":
+        if model is not None:
+            raise InputError(f"{path}: a BVH has bones of its own; leave --skeleton {model} out")
         return iter((read_bvh(path, fps=fps, up=up),))
     return read_smpl(path, fps=fps, up=up, model=model)
 
