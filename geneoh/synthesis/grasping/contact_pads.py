@@ -6,7 +6,7 @@ Right hands; pads face directions of the rest frame (fingers -x, palm -y, thumb 
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
@@ -104,15 +104,23 @@ def contact_pads(
     return middle + facing * (radius * scale)[..., None], facing
 
 
-def finger_clearance(
-    centers: Float[Tensor, "*B K 3"], radii: Float[Tensor, "*B K"]
-) -> Float[Tensor, "*B C"]:
-    """Gap between spheres of different fingers beyond the knuckles, metres; an overlap is < 0."""
+def pairs_of_fingers() -> tuple[Int[Tensor, " C"], Int[Tensor, " C"]]:
+    """Spheres of different fingers beyond the knuckles, every other one, in pairs."""
     per_finger = 4 * SPHERES_PER_BONE
     finger = torch.arange(5).repeat_interleave(per_finger)
     free = torch.arange(5 * per_finger) % per_finger >= SPHERES_PER_BONE + 1
     a, b = torch.triu_indices(len(finger), len(finger), 1)
     pick = free[a] & free[b] & (finger[a] != finger[b]) & (a % 2 == 0) & (b % 2 == 0)
-    a, b = a[pick], b[pick]
+    return a[pick], b[pick]
+
+
+PAIRS_OF_FINGERS = pairs_of_fingers()
+
+
+def finger_clearance(
+    centers: Float[Tensor, "*B K 3"], radii: Float[Tensor, "*B K"]
+) -> Float[Tensor, "*B C"]:
+    """Gap between spheres of different fingers beyond the knuckles, metres; an overlap is < 0."""
+    a, b = PAIRS_OF_FINGERS
     gap = (centers[..., a, :] - centers[..., b, :]).norm(dim=-1)
     return gap - 0.85 * (radii[..., a] + radii[..., b])

@@ -23,6 +23,52 @@ SURFACE_ERROR = 1e-5  # a projected point that is farther from the surface did n
 FAR_AWAY = 10.0  # coordinate of the centres of unused solids, metres, not near anything
 
 
+def distance_to_box(
+    local: Float[Tensor, "B S P 3"],
+    size: Float[Tensor, "B S 1 3"],
+    rounding: Float[Tensor, "B S 1"],
+) -> Float[Tensor, "B S P"]:
+    """Signed distance of points in the frames of boxes with round edges, metres."""
+    q = local.abs() - (size - rounding[..., None])
+    return q.clamp(min=0).norm(dim=-1) + q.amax(-1).clamp(max=0) - rounding
+
+
+def distance_to_cylinder(
+    local: Float[Tensor, "B S P 3"],
+    size: Float[Tensor, "B S 1 3"],
+    rounding: Float[Tensor, "B S 1"],
+) -> Float[Tensor, "B S P"]:
+    """Signed distance of points in the frames of cylinders with round edges, metres."""
+    c = torch.stack([local[..., :2].norm(dim=-1), local[..., 2].abs()], -1) - size[..., 1:]
+    c = c + rounding[..., None]
+    return c.clamp(min=0).norm(dim=-1) + c.amax(-1).clamp(max=0) - rounding
+
+
+def distance_to_ellipsoid(
+    local: Float[Tensor, "B S P 3"], size: Float[Tensor, "B S 1 3"], _: Float[Tensor, "B S 1"]
+) -> Float[Tensor, "B S P"]:
+    """First-order bound k0 (k0 - 1) / k1 of the signed distance to ellipsoids, metres."""
+    k0 = (local / size).norm(dim=-1)
+    k1 = (local / size**2).norm(dim=-1).clamp(min=1e-6)
+    return k0 * (k0 - 1) / k1
+
+
+def distance_to_torus(
+    local: Float[Tensor, "B S P 3"], size: Float[Tensor, "B S 1 3"], _: Float[Tensor, "B S 1"]
+) -> Float[Tensor, "B S P"]:
+    """Signed distance of points in the frames of tori, metres."""
+    ring = local[..., :2].norm(dim=-1) - size[..., 0]
+    return torch.stack([ring, local[..., 2]], -1).norm(dim=-1) - size[..., 1]
+
+
+DISTANCES = {
+    BOX: distance_to_box,
+    CYLINDER: distance_to_cylinder,
+    ELLIPSOID: distance_to_ellipsoid,
+    TORUS: distance_to_torus,
+}
+
+
 @dataclass(frozen=True)
 class Solids(Bundle):
     """A batch of objects, each a union of solids in the object's own frame, metres."""
@@ -98,31 +144,22 @@ class Solids(Bundle):
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
         """Signed distance in metres, negative inside; exact outside of boxes, cylinders and tori.
 
-        Ellipsoids use the first-order bound k0 (k0 - 1) / k1; a union has the least distance of its
-        solids. Both are zero on the surface with the right gradient there.
+        Ellipsoids use a bound of first order; a union has the least distance of its solids. Both
+        are zero on the surface with the right gradient there.
         """
-        local = (points[:, None] - self.center[:, :, None]) @ self.rotation
-        size, kind = self.size[:, :, None], self.kind[:, :, None]
-        radial = local[..., :2].norm(dim=-1)
-
-        q = local.abs() - (size - self.rounding[:, :, None, None])
-        box = q.clamp(min=0).norm(dim=-1) + q.amax(-1).clamp(max=0)
-        c = torch.stack([radial, local[..., 2].abs()], -1) - size[..., 1:]
-        c = c + self.rounding[:, :, None, None]
-        cylinder = c.clamp(min=0).norm(dim=-1) + c.amax(-1).clamp(max=0)
-        k0 = (local / size).norm(dim=-1)
-        k1 = (local / size**2).norm(dim=-1).clamp(min=1e-6)
-        ellipsoid = k0 * (k0 - 1) / k1
-        tube = torch.stack([radial - size[..., 0], local[..., 2]], -1).norm(dim=-1) - size[..., 1]
-
-        rounding = self.rounding[:, :, None]
-        each = torch.where(kind == BOX, box - rounding, cylinder - rounding)
-        each = torch.where(kind == ELLIPSOID, ellipsoid, each)
-        each = torch.where(kind == TORUS, tube, each)
+        used = (self.center[..., 0] < FAR / 2).any(0)
+        used[0] = True  # the distance to an object without a solid is large as well
+        kind, size, rounding = self.kind[:, used], self.size[:, used], self.rounding[:, used]
+        local = (points[:, None] - self.center[:, used, None]) @ self.rotation[:, used]
+        each = local.new_zeros(local.shape[:-1])
+        # only what there is: most of the time of a search for grasps is spent here
+        for simple in kind[kind < SCAN].unique().tolist():
+            distance = DISTANCES[simple](local, size[:, :, None], rounding[:, :, None])
+            each = torch.where(kind[:, :, None] == simple, distance, each)
         if self.scans is not None:
-            at = torch.nonzero(self.kind >= SCAN, as_tuple=True)
-            scale = self.size[at][:, None]
-            scanned = self.scans.distance(self.kind[at] - SCAN, local[at] / scale)
+            at = torch.nonzero(kind >= SCAN, as_tuple=True)
+            scale = size[at][:, None]
+            scanned = self.scans.distance(kind[at] - SCAN, local[at] / scale)
             each = each.index_put(at, scanned * scale[..., 1])
         return each.amin(1)
 
