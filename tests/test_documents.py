@@ -1,7 +1,8 @@
 """What README.md, CONTRIBUTING.md and the pages of docs/ say is true: snippets run, names exist.
 
 A snippet that needs what a test cannot have stands below a comment `<!-- not run: reason -->`. Its
-commands are still parsed, so that a renamed option is found.
+commands are still parsed, so that a renamed option is found. What snippets clean and generate is
+made in few steps: how good it is is tested elsewhere.
 """
 
 import re
@@ -16,6 +17,7 @@ import bodies
 import click
 import numpy as np
 import pytest
+import quick_generation
 import two_parts
 from click.testing import CliRunner
 from trimesh import Trimesh
@@ -90,6 +92,7 @@ def folder(short_track, tmp_path, monkeypatch):
     shutil.copytree(short_track, tmp_path, dirs_exist_ok=True)
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
+    quick_generation.use(monkeypatch)
     return tmp_path
 
 

@@ -20,7 +20,7 @@ from tools.two_hands import (
 @pytest.fixture(scope="module")
 def pair() -> Sequence:
     """A clip without the frames of reaching and leaving."""
-    return next(made_pairs(["ycb_030_fork.ply"], at_once=6))[FRAMES // 3 : 2 * FRAMES // 3]
+    return next(made_pairs(["ycb_030_fork.ply"], at_once=12))[FRAMES // 3 : 2 * FRAMES // 3]
 
 
 def test_both_hands_hold_the_object_and_are_beside_each_other(pair):

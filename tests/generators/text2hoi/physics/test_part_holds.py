@@ -6,6 +6,7 @@ from draws import seeded
 from made_actions import box_actions
 from two_parts import DEEP, HIGH, HINGE, box_with_lid
 
+from geneoh.generators.text2hoi.physics import part_holds
 from geneoh.generators.text2hoi.physics.held_hands import HeldHands, table_of
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
@@ -40,7 +41,7 @@ def shapes(lidded):
 def opening(lidded, hands=(False, True)):
     """An action whose right hand hovers over the front of the lid while it opens by 1 rad.
 
-    The left hand hovers at the same place.
+    The left hand hovers over the mirrored place, 5 mm higher.
     """
     actions = box_actions(["open"], frames=FRAMES, jointed=True)
     still = torch.eye(3).expand(1, FRAMES, 3, 3), torch.zeros(1, FRAMES, 3)
@@ -52,6 +53,7 @@ def opening(lidded, hands=(False, True)):
     pose[:, 1, :, 0] = torch.tensor([torch.pi / 2, 0.0, 0.0])
     wrist[:, 1] = lidded.meshes[1].verts.mean(0) + torch.tensor([0.06, -DEEP / 2, 0.06])
     pose[:, 0], wrist[:, 0] = mirror_axis_angle(pose[:, 1]), mirror_points(wrist[:, 1])
+    wrist[..., 2] += torch.tensor([0.005, 0.0])[:, None]
     joint = (torch.linspace(0, 1, FRAMES)[None] * 3 - 1).clamp(0, 1)
     return replace(made, joint=joint, pose=pose, wrist=wrist, hands=torch.tensor([hands]))
 
@@ -93,8 +95,11 @@ def test_lids_are_grasped_at_the_edge_that_reaches_over_the_box(lidded, shapes):
 
 @pytest.fixture(scope="module")
 def opened(lidded):
-    """The right hand, which was drawn flat on the lid, with the hold by which it opens it."""
-    return held_at_parts(opening(lidded), lidded.meshes, generator=seeded())
+    """Both hands: the right one, which was drawn flat on the lid, has a hold by which it opens it.
+
+    The left one avoids it.
+    """
+    return held_at_parts(opening(lidded, (True, True)), lidded.meshes, generator=seeded())
 
 
 def test_the_hand_is_at_the_lid_and_stays_in_its_place_while_the_lid_moves(opened):
@@ -127,13 +132,20 @@ def test_a_hold_where_the_other_hand_is_counts_as_deep(lidded, shapes):
     assert met.depth(hand) > alone.depth(hand) + 0.01
 
 
-def test_of_two_hands_one_opens_and_the_other_holds_the_box_beside_it(lidded):
-    found = held_at_parts(opening(lidded, (True, True)), lidded.meshes, generator=seeded())
-    moving = found.at_frames(torch.arange(FRAMES // 3, 2 * FRAMES // 3)[None])
+def test_of_two_hands_one_opens_and_the_other_holds_the_box_beside_it(lidded, opened):
+    moving = opened.at_frames(torch.arange(FRAMES // 3, 2 * FRAMES // 3)[None])
     assert overlap_of_hands(moving) < 0.006
-    joints = moving.keypoints()[0]
-    gaps = SurfaceDistance(lidded.meshes[0]).query(joints).distance.amin(2)
-    assert (gaps < 0.025).all(1).any()
+    joints = moving.keypoints()[0, 0]
+    gaps = SurfaceDistance(lidded.meshes[0]).query(joints).distance.amin(1)
+    assert (gaps < 0.025).all()
+
+
+def test_where_one_hand_is_alone_no_other_one_comes(lidded, monkeypatch):
+    monkeypatch.setattr(part_holds, "_hold", lambda task, drawn, _: drawn.take([0], "N"))
+    alone = opening(lidded)
+    found = held_at_parts(alone, lidded.meshes, generator=seeded())
+    assert torch.equal(found.wrist[:, 0], alone.wrist[:, 0])
+    assert not torch.equal(found.wrist[:, 1], alone.wrist[:, 1])
 
 
 def test_a_joint_that_rests_changes_no_hand(lidded):
