@@ -147,7 +147,7 @@ class Solids(Bundle):
         Ellipsoids use a bound of first order; a union has the least distance of its solids. Both
         are zero on the surface with the right gradient there.
         """
-        used = (self.center[..., 0] < FAR / 2).any(0)
+        used = (self.center[..., 0] < FAR_AWAY / 2).any(0)
         used[0] = True  # the distance to an object without a solid is large as well
         kind, size, rounding = self.kind[:, used], self.size[:, used], self.rounding[:, used]
         local = (points[:, None] - self.center[:, used, None]) @ self.rotation[:, used]
