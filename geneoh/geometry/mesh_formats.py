@@ -81,10 +81,7 @@ def obj_for_trimesh(path: Path, data: bytes) -> bytes:
     plain = data
     if data.startswith(codecs.BOM_UTF8) or is_unusual(data) or BACKWARD.search(data):
         text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        plain = UNUSUAL.sub(
-            lambda line: line[0].partition(b"#")[0].replace(b"\t", b" ").lstrip(),
-            text.replace(b"\\\n", b" "),
-        )
+        plain = UNUSUAL.sub(plain_line, text.replace(b"\\\n", b" "))
     if ZERO.search(plain):
         raise InputError(
             f"{path}: faces of an OBJ must count points from 1, got a point 0; add 1 to each"
@@ -110,6 +107,11 @@ def is_unusual(data: bytes) -> bool:
     heading, _, rest = data.partition(b"\nv ")
     marked = any(mark in rest for mark in (b"#", b"\t", b"\r", b"\n "))
     return bool(UNUSUAL.search(data if marked else heading + b"\n"))
+
+
+def plain_line(line: re.Match[bytes]) -> bytes:
+    """A line without comment, tabs and indentation, which trimesh does not read."""
+    return line[0].partition(b"#")[0].replace(b"\t", b" ").lstrip()
 
 
 def binary_ply_as_text(data: bytes) -> bytes | None:

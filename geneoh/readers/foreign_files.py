@@ -43,16 +43,20 @@ def read_json(path: Path) -> Any:
 
     If the file is not in the form that its ending names, the other form is tried.
     """
-    data = read_bytes(path, JSON_LIMIT)
-    ways = [lambda: json_in(data, str(path), "copy it again"), lambda: json_lines(data, path)]
+    data, ways = read_bytes(path, JSON_LIMIT), [whole_json, json_lines]
     if path.suffix.lower() == ".jsonl":
         ways.reverse()
     try:
-        return ways[0]()
+        return ways[0](data, path)
     except InputError:
         with suppress(InputError):
-            return ways[1]()
+            return ways[1](data, path)
         raise
+
+
+def whole_json(data: bytes, path: Path) -> Any:
+    """The one value of a JSON file."""
+    return json_in(data, str(path), "copy it again")
 
 
 def json_lines(data: bytes, path: Path) -> list[Any]:
