@@ -92,11 +92,11 @@ class Options:
         trusted: tuple[Ablation, ...] = ("object",) if self.trust_object else ()
         for part in (*self.without, *trusted):
             chosen = chosen.without(part)
-        return replace(
-            chosen,
-            samples=self.samples or chosen.samples,
-            selection=self.selection or chosen.selection,
-        )
+        selection, motion = self.selection or chosen.selection, chosen.motion
+        if motion is not None and motion.chains > 1:
+            motion = replace(motion, kept=selection)
+        samples = self.samples or chosen.samples
+        return replace(chosen, motion=motion, samples=samples, selection=selection)
 
 
 def with_settings(

@@ -20,7 +20,8 @@ class StagePlan:
     level: int  # noise level to which the input is diffused, 1 to 1000 of the schedule
     steps: int  # denoiser calls from that level down to a clean sample
     sampler: SamplerName = "ddim"
-    chains: int = 1  # chains per window in the paper's MotionDiff; the closest to the input is kept
+    chains: int = 1  # chains per window in the paper's MotionDiff
+    kept: Selection = "closest"  # chain that is kept: the closest to the input, or their mean
 
     @property
     def calls(self) -> int:

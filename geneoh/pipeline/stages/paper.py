@@ -4,6 +4,7 @@ Each window is diffused independently, and windows are blended at the end. Only 
 uses these functions.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -41,12 +42,15 @@ def denoise_trajectory(
     """MotionDiff: world keypoints with natural canonical trajectories.
 
     All samples of `whole` are the input. Every window is diffused in units of its own standard
-    deviation, in `plan.chains` chains but at least one per sample. Per window the chains that end
-    closest to the input are kept, the closest first, and windows are blended afterwards. The paper
-    selects after the last stage; here it is done before the later stages, which change less.
+    deviation, in `plan.chains` chains but at least one per sample. Of each window the chains that
+    end closest to the input are kept, the closest first, or the mean of as many chains for each
+    sample (`plan.kept`), and windows are blended afterwards. The paper keeps the closest, after the
+    last stage; here it is done before the later stages, which change less.
     """
     samples = len(whole)
     chains = max(samples, plan.chains)
+    if plan.kept == "mean":
+        chains = samples * math.ceil(chains / samples)
 
     def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
         context, joints = piece.context, whole[:1, piece.frames]
@@ -61,7 +65,10 @@ def denoise_trajectory(
         start = scale.normalised(canon).repeat(chains, 1, 1, 1)
         cleaned = diffused(clean, start, plan, chains, generator, on_step)
         each = torch.stack([scale.metres(one) for one in cleaned.unflatten(0, (chains, -1))])
-        kept = _closest(each, canon, context.cut(context.trust, 0), samples)
+        if plan.kept == "mean":
+            kept = each.unflatten(0, (samples, -1)).mean(1)
+        else:
+            kept = _closest(each, canon, context.cut(context.trust, 0), samples)
         return torch.cat([region.to_world(one) for one in kept])
 
     return _piece_by_piece(one_piece, context, on_step, samples, at_once=chains)

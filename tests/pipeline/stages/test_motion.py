@@ -112,6 +112,22 @@ def test_windows_that_disagree_are_blended_where_they_overlap():
     assert 0.4 < float(step[44:46].mean()) < 0.6
 
 
+@pytest.mark.parametrize(("samples", "means"), [(1, [1.5]), (2, [0.5, 2.5])])
+def test_the_mean_of_the_chains_of_each_window_is_kept(samples, means):
+    context = scene(LONG)
+    joints = hands_at(context)
+    region, windows = context.region(joints), context.windows(joints)
+    moved = [windows + 0.01 * away * torch.eye(3)[0] for away in range(4)]
+    model = KnownWindows(context, joints, torch.cat([region.to_canon(one) for one in moved]))
+    plan = replace(PLAN, chains=4, kept="mean")
+    got = denoise_trajectory(
+        model, joints.expand(samples, -1, -1, -1), context, plan, generator=seeded()
+    )
+    apart = (got - joints)[..., 0].mean(-1)
+    wanted = 0.01 * torch.tensor(means)[:, None].expand(-1, LONG)
+    torch.testing.assert_close(apart, wanted, atol=1e-5, rtol=0)
+
+
 @pytest.mark.parametrize("samples", [1, 2, 3])
 def test_of_the_chains_of_each_window_those_closest_to_the_input_are_kept(samples):
     context = scene(LONG)
