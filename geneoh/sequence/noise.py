@@ -141,39 +141,33 @@ def noisy_joints(
 
 
 def draw_noise(
-    noise: Noise,
-    frames: int,
-    *,
-    generator: torch.Generator,
-    batch: tuple[int, ...] = (),
-    ray: Float[Tensor, "*B 3"] | None = None,
-) -> tuple[Float[Tensor, "*B T 51"], Bool[Tensor, "*B T"]]:
+    noise: Noise, frames: int, *, generator: torch.Generator, ray: Float[Tensor, " 3"] | None = None
+) -> tuple[Float[Tensor, "T 51"], Bool[Tensor, " T"]]:
     """Additive noise on the hand's parameters, and a mask of the frames that are kept.
 
     Offsets are for translation (3, metres), global rotation (3) and fingers (45, radians); the mask
-    is all true except for "drop" and "camera". Tracks of a batch have independent noise. `ray` is
-    as in `corrupt`. The generator must be on the CPU, so that all devices get the same noise.
+    is all true except for "drop" and "camera", which needs the `ray` of `corrupt`. The generator
+    must be on the CPU, so that all devices get the same noise.
     """
-    shape = (*batch, frames, 51)
-    keep = torch.ones(shape[:-1], dtype=torch.bool)
+    shape, keep = (frames, 51), torch.ones(frames, dtype=torch.bool)
     match noise:
         case "gauss" | "gauss_strong":
             unit = torch.randn(shape, generator=generator)
         case "beta":
             unit = draw_beta(shape, generator=generator)
         case "bias":
-            unit = torch.randn((*batch, 1, 51), generator=generator).expand(shape).clone()
+            unit = torch.randn((1, 51), generator=generator).expand(shape).clone()
         case "drift":
             unit = ornstein_uhlenbeck(torch.randn(shape, generator=generator))
         case "burst":
             unit = torch.randn(shape, generator=generator)
-            bursts = torch.rand((*shape[:-1], 1), generator=generator) < BURST_SHARE
+            bursts = torch.rand((frames, 1), generator=generator) < BURST_SHARE
             unit = torch.where(bursts, BURST_FACTOR * unit, unit)
         case "drop":
             unit = torch.randn(shape, generator=generator)
-            keep = draw_drops(keep, generator=generator)
+            keep = draw_drops(frames, generator=generator)
         case "camera":
-            ray = draw_ray(batch, generator=generator) if ray is None else ray
+            assert ray is not None, "the noise of a camera needs its ray"
             return draw_camera(ray, frames, generator=generator)
         case _:
             assert_never(noise)
@@ -206,69 +200,65 @@ def with_memory(
     return torch.stack(steps, dim=-2)
 
 
-def draw_drops(keep: Bool[Tensor, "*B T"], *, generator: torch.Generator) -> Bool[Tensor, "*B T"]:
-    """The mask with random runs of frames removed; clips too short for a run lose none."""
-    frames = keep.shape[-1]
+def draw_drops(frames: int, *, generator: torch.Generator) -> Bool[Tensor, " T"]:
+    """A mask without random runs of frames; clips too short for a run lose none."""
     starts = frames - DROP_LONGEST - 1
     if starts < 1:
-        return keep
+        return torch.ones(frames, dtype=torch.bool)
     middle = (DROP_SHORTEST + DROP_LONGEST) / 2
-    runs = (*keep.shape[:-1], max(1, round(frames * DROP_SHARE / middle)))
-    lengths = (DROP_SHORTEST, DROP_LONGEST)
-    return keep & ~draw_runs(frames, (0, starts), runs, lengths, generator=generator).any(-2)
+    runs, lengths = max(1, round(frames * DROP_SHARE / middle)), (DROP_SHORTEST, DROP_LONGEST)
+    return ~draw_runs(frames, (0, starts), runs, lengths, generator=generator).any(0)
 
 
 def draw_runs(
     frames: int,
     starts: tuple[int, int],
-    runs: tuple[int, ...],
+    runs: int,
     lengths: tuple[int, int],
     *,
     generator: torch.Generator,
-) -> Bool[Tensor, "*B R T"]:
+) -> Bool[Tensor, "R T"]:
     """Masks of random runs of frames, one row per run.
 
-    A run begins at a frame from `starts[0]` to `starts[1] - 1`. `runs` is the shape of the batch
-    followed by the number of runs, `lengths` the shortest and longest run in frames.
+    A run begins at a frame from `starts[0]` to `starts[1] - 1`; `lengths` are the shortest and the
+    longest run in frames.
     """
-    start = torch.randint(*starts, (*runs, 1), generator=generator)
-    length = torch.randint(lengths[0], lengths[1] + 1, (*runs, 1), generator=generator)
+    start = torch.randint(*starts, (runs, 1), generator=generator)
+    length = torch.randint(lengths[0], lengths[1] + 1, (runs, 1), generator=generator)
     frame = torch.arange(frames)
     return (frame >= start) & (frame < start + length)
 
 
-def draw_ray(batch: tuple[int, ...] = (), *, generator: torch.Generator) -> Float[Tensor, "*B 3"]:
-    """Unit viewing directions, uniform on the sphere."""
-    return normalize(torch.randn((*batch, 3), generator=generator), dim=-1)
+def draw_ray(*, generator: torch.Generator) -> Float[Tensor, " 3"]:
+    """A unit viewing direction, uniform on the sphere."""
+    return normalize(torch.randn(3, generator=generator), dim=-1)
 
 
 def draw_camera(
-    ray: Float[Tensor, "*B 3"], frames: int, *, generator: torch.Generator
-) -> tuple[Float[Tensor, "*B T 51"], Bool[Tensor, "*B T"]]:
+    ray: Float[Tensor, " 3"], frames: int, *, generator: torch.Generator
+) -> tuple[Float[Tensor, "T 51"], Bool[Tensor, " T"]]:
     """Noise of a hand estimator with one fixed camera: mostly along the ray, and lasting.
 
     Depth and angles have a constant, a drifting and a white error. Runs of 1 to 3 frames (about 3%)
     have gross errors, runs of 2 to 6 frames (about 5%) are missing, none in clips under ten frames.
     `ray` is the unit direction from the camera, taken as far away, to the hand.
     """
-    batch = ray.shape[:-1]
 
-    def unit(size: int, *frame_axis: int) -> Float[Tensor, "..."]:
-        return torch.randn((*batch, *(frame_axis or (frames,)), size), generator=generator)
+    def unit(size: int, count: int = frames) -> Float[Tensor, "N D"]:
+        return torch.randn((count, size), generator=generator)
 
     lasting, drifting, jitter = CAMERA_DEPTH
     depth = lasting * unit(1, 1) + jitter * unit(1)
     depth = depth + drifting * ornstein_uhlenbeck(unit(1), DEPTH_FRAMES)
     offsets = CAMERA_LASTING.scale(unit(51, 1)) + CAMERA_JITTER.scale(unit(51))
     offsets += CAMERA_DRIFTING.scale(ornstein_uhlenbeck(unit(51), CAMERA_FRAMES))
-    runs = (*batch, max(1, round(0.03 * frames / 2)))
+    runs = max(1, round(0.03 * frames / 2))
     blunders = draw_runs(frames, (0, frames), runs, (1, 3), generator=generator)
-    sign = 2 * torch.randint(0, 2, (*runs, 1), generator=generator) - 1
-    depth = depth + CAMERA_DEPTH_BLUNDER * (blunders * sign).sum(-2)[..., None]
-    offsets[..., 6:] *= CAMERA_FINGER_BLUNDER ** blunders.sum(-2)[..., None]
-    offsets[..., :3] += depth * ray[..., None, :]
-    keep = torch.ones((*batch, frames), dtype=torch.bool)
-    if frames > 9:
-        runs = (*batch, max(1, round(0.05 * frames / 4)))
-        keep = ~draw_runs(frames, (1, frames - 8), runs, (2, 6), generator=generator).any(-2)
-    return offsets, keep
+    sign = 2 * torch.randint(0, 2, (runs, 1), generator=generator) - 1
+    depth = depth + CAMERA_DEPTH_BLUNDER * (blunders * sign).sum(0)[:, None]
+    offsets[:, 6:] *= CAMERA_FINGER_BLUNDER ** blunders.sum(0)[:, None]
+    offsets[:, :3] += depth * ray
+    if frames < 10:
+        return offsets, torch.ones(frames, dtype=torch.bool)
+    runs = max(1, round(0.05 * frames / 4))
+    return offsets, ~draw_runs(frames, (1, frames - 8), runs, (2, 6), generator=generator).any(0)

@@ -33,6 +33,19 @@ SPREAD_MM = {"bias": 7.0, "drift": 3.0, "burst": 2.5, "camera": 7.0}
 """How far the mean over five draws may lie off: one draw of a bias is one number per clip."""
 
 
+def drawn(
+    noise: Noise, frames: int, count: int, seed: int = 0, rays: torch.Tensor | None = None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    generator = seeded(seed)
+    if noise == "camera" and rays is None:
+        rays = torch.stack([draw_ray(generator=generator) for _ in range(count)])
+    every = [
+        draw_noise(noise, frames, ray=None if rays is None else rays[i], generator=generator)
+        for i in range(count)
+    ]
+    return torch.stack([offsets for offsets, _ in every]), torch.stack([keep for _, keep in every])
+
+
 def in_units(noise: Noise, values: torch.Tensor) -> torch.Tensor:
     return values / SIZES[noise].scale(torch.ones(51))
 
@@ -43,10 +56,10 @@ def test_every_kind_of_noise_is_listed_once():
 
 @pytest.mark.parametrize("noise", NOISES)
 def test_equal_generators_draw_equal_noise(noise):
-    first, second = (draw_noise(noise, 40, generator=seeded(3), batch=(2,)) for _ in range(2))
+    first, second = (drawn(noise, 40, 2, seed=3) for _ in range(2))
     assert torch.equal(first[0], second[0])
     assert torch.equal(first[1], second[1])
-    other, _ = draw_noise(noise, 40, generator=seeded(4), batch=(2,))
+    other, _ = drawn(noise, 40, 2, seed=4)
     assert not torch.equal(first[0], other)
     assert first[0].shape == (2, 40, 51)
     assert first[1].shape == (2, 40)
@@ -67,7 +80,7 @@ def test_equal_generators_draw_equal_noise(noise):
     ],
 )
 def test_noise_has_its_mean_and_deviation(noise, mean, deviation):
-    offsets, _ = draw_noise(noise, 50, generator=seeded(), batch=(200,))
+    offsets, _ = drawn(noise, 50, 1000)
     unit = in_units(noise, offsets)
     assert float(unit.mean()) == pytest.approx(mean, abs=0.02)
     assert float(unit.std()) == pytest.approx(deviation, rel=0.02)
@@ -86,14 +99,14 @@ def lag_correlation(unit: torch.Tensor, lag: int) -> float:
     [("gauss", 0, 0), ("drift", math.exp(-0.1), math.exp(-1)), ("bias", 1, 1)],
 )
 def test_noise_is_correlated_over_time_as_its_kind_says(noise, lag_1, lag_10):
-    offsets, _ = draw_noise(noise, 60, generator=seeded(), batch=(200,))
+    offsets, _ = drawn(noise, 60, 200)
     unit = in_units(noise, offsets)
     assert lag_correlation(unit, 1) == pytest.approx(lag_1, abs=0.02)
     assert lag_correlation(unit, 10) == pytest.approx(lag_10, abs=0.02)
 
 
 def test_dropped_frames_come_in_runs_of_about_an_eighth():
-    _, keep = draw_noise("drop", 146, generator=seeded(), batch=(300,))
+    _, keep = drawn("drop", 146, 300)
     assert float((~keep).float().mean()) == pytest.approx(0.125, abs=0.015)
     assert bool(keep[:, -2:].all())
     lost = (~keep).int()
@@ -104,7 +117,7 @@ def test_dropped_frames_come_in_runs_of_about_an_eighth():
 @pytest.mark.parametrize("frames", [1, 2, 8, 9])
 @pytest.mark.parametrize("noise", NOISES)
 def test_short_clips_keep_at_least_one_frame(noise, frames):
-    offsets, keep = draw_noise(noise, frames, generator=seeded(), batch=(50,))
+    offsets, keep = drawn(noise, frames, 50)
     assert offsets.shape == (50, frames, 51)
     assert bool(keep.any(-1).all())
 
@@ -151,8 +164,9 @@ def test_a_track_of_joints_alone_is_turned_about_its_joints(recording):
 
 
 def test_a_camera_errs_along_its_ray_as_an_independent_implementation_does():
-    ray = draw_ray((400,), generator=seeded())
-    offsets, keep = draw_noise("camera", 146, ray=ray, batch=(400,), generator=seeded(1))
+    generator = seeded()
+    ray = torch.stack([draw_ray(generator=generator) for _ in range(400)])
+    offsets, keep = drawn("camera", 146, 400, seed=1, rays=ray)
     depth = (offsets[..., :3] * ray[:, None]).sum(-1)
     across = offsets[..., :3] - depth[..., None] * ray[:, None]
     turn, fingers = offsets[..., 3:6], offsets[..., 6:]
