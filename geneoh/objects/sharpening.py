@@ -110,7 +110,7 @@ def sharpened_part(
     part: int,
     palms: Iterable[RigidMotion],
     fps: float,
-    late: LowPass | None = None,
+    late: LowPass | None,
 ) -> tuple[ObjectTrack, Float[Tensor, " T"], list[str]]:
     """The track with the filter of one part undone, the expected remaining error of its poses,
     metres, and sentences for the user. `late` is the part's delay relative to a hand, if known. In

@@ -194,9 +194,9 @@ def callers_object(
     options: ReaderOptions,
     frames: int,
     where: str,
-    clock: Clock | None = None,
-    first: int = 0,
-    camera_poses: Array | None = None,
+    clock: Clock | None,
+    first: int,
+    camera_poses: Array | None,
 ) -> tuple[ObjectTrack, Notes]:
     """The caller's object for a source without one; without --object-pose, one without meshes."""
     if options.object_pose is None and options.meshes:

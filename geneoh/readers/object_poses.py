@@ -55,7 +55,7 @@ class ObjectPoses:
     """(T,) seconds, where they are known."""
 
     def of_frames(
-        self, frames: int, where: str, clock: Clock | None = None, first: int = 0
+        self, frames: int, where: str, clock: Clock | None, first: int = 0
     ) -> tuple[Array, Notes]:
         """The poses at a hand's frames, the first of which has the number `first`, and notes.
 

@@ -141,7 +141,7 @@ def noisy_joints(
 
 
 def draw_noise(
-    noise: Noise, frames: int, *, generator: torch.Generator, ray: Float[Tensor, " 3"] | None = None
+    noise: Noise, frames: int, *, ray: Float[Tensor, " 3"] | None, generator: torch.Generator
 ) -> tuple[Float[Tensor, "T 51"], Bool[Tensor, " T"]]:
     """Additive noise on the hand's parameters, and a mask of the frames that are kept.
 

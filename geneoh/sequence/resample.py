@@ -47,7 +47,7 @@ def at_rate(sequence: Sequence, fps: float) -> Sequence:
     return over_frames(sequence, max(1, round(steps)) + 1)
 
 
-def evenly(before: int, after: int, device: torch.device | str = "cpu") -> FrameInterpolation:
+def evenly(before: int, after: int, device: torch.device) -> FrameInterpolation:
     """`after` instants, two or more, spread evenly over the time of `before` frames."""
     # In float64 and with one division, so that instants on a frame have exactly fraction 0.
     place = torch.arange(after, dtype=torch.float64, device=device) * (before - 1) / (after - 1)

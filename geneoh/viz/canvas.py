@@ -11,7 +11,7 @@ from geneoh.errors import InputError
 from geneoh.progress import OnStep, steps
 from geneoh.sequence.windows import spread_frames
 from geneoh.viz.camera import Camera, cameras
-from geneoh.viz.look import BACKGROUND, DEFAULT_LOOK, SCALES, Look
+from geneoh.viz.look import BACKGROUND, SCALES, Look
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene
 
@@ -99,7 +99,7 @@ def png_bytes(picture: Picture) -> bytes:
     return stream.getvalue()
 
 
-def filmstrip(scene: Scene, look: Look = DEFAULT_LOOK, on_step: OnStep | None = None) -> Picture:
+def filmstrip(scene: Scene, look: Look, on_step: OnStep | None = None) -> Picture:
     """A row of frames for each version, all seen from one direction, with measures below each."""
     refuse_frames(scene, look.frames)
     frames = look.frames or spread_frames(scene.frames, STRIP_FRAMES)

@@ -69,7 +69,7 @@ def pose_track(
     track: HandTrack,
     distance_of: Callable[[Float[Tensor, "T V 3"]], Float[Tensor, "T V"]] | None,
     fps: float,
-    mano_dir: Path | str | None = None,
+    mano_dir: Path | str | None,
 ) -> PosedTrack:
     """The posed mesh of one track; of the embedded hand where MANO's files are missing."""
     try:

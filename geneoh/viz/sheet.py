@@ -35,7 +35,7 @@ NEAR_RADIUS = 0.13  # camera radius of a picture of one hand, metres
 SENTENCE_LENGTH = 32  # letters of a sentence that are shown
 
 
-def sheet_of(kind: str, folder: Path, on_step: OnStep | None = None) -> Picture:
+def sheet_of(kind: str, folder: Path, on_step: OnStep | None) -> Picture:
     """The contact sheet of a folder of shards of bodies, or of interactions."""
     if kind == "bodies":
         return gesture_sheet(one_of_each_gesture(folder), on_step=on_step)

@@ -165,7 +165,7 @@ def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:
 
 
 def write_page(
-    noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None = None
+    noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None
 ) -> None:
     """Write the page of a result beside its input, whatever the ending of the path."""
     write_whole(path, page_html(open_scene(result, noisy, title=title, mano_dir=mano_dir)))

@@ -75,7 +75,7 @@ and eyes."""
 
 
 def read_smpl(
-    path: Path, *, fps: float | None = None, up: Axis | None = None, model: Path | None = None
+    path: Path, *, fps: float | None, up: Axis | None, model: Path | None
 ) -> Iterator[BodyRecording]:
     """The bodies in an npz, npy, pickle or joblib file; several only in the lists of BOTH57M.
 
