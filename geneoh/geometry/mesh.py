@@ -77,6 +77,10 @@ class Mesh(Bundle):
         """The centre of the axis-aligned bounding box."""
         return (self.verts.amax(0) + self.verts.amin(0)) / 2
 
+    def some_verts(self, count: int) -> Float[Tensor, "N 3"]:
+        """Vertices in even steps, `count` or more of them; all of a mesh that has fewer."""
+        return self.verts[:: max(1, len(self.verts) // count)]
+
     def corners(self) -> Float[Tensor, "F 3 3"]:
         """The three corners of each face."""
         return self.verts[self.faces]

@@ -41,8 +41,7 @@ def with_held_part_first(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
 def stays_at_the_first(surface: MovingSurface, part: int) -> bool:
     """Whether a part is near the first part in all of `SAMPLED_FRAMES` evenly spaced frames."""
     some = surface.at(spread(len(surface.rotation), SAMPLED_FRAMES))
-    verts = surface.fields[part].mesh.verts
-    verts = verts[:: max(1, len(verts) // SAMPLED_VERTS)].to(some.rotation)
+    verts = surface.fields[part].mesh.some_verts(SAMPLED_VERTS).to(some.rotation)
     places = verts @ some.rotation[:, part].mT + some.translation[:, part, None]
     apart = some.of_parts([0]).query(places).distance.amin(-1)
     return bool((apart < TOUCHING).all())

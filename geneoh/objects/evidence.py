@@ -124,8 +124,7 @@ def acceleration_around(
 
 def placed_vertices(motion: ObjectTrack, part: int) -> Float64[Tensor, "T V 3"]:
     """Some of a part's vertices in each frame, world frame, metres."""
-    verts = motion.meshes[part].verts
-    verts = verts[:: max(1, len(verts) // 16)].to(motion.rotation.device).double()
+    verts = motion.meshes[part].some_verts(16).to(motion.rotation.device).double()
     rotation, translation = motion.rotation[:, part].double(), motion.translation[:, part].double()
     return verts @ rotation.mT + translation[:, None]
 
@@ -219,8 +218,8 @@ def _moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
     frames, apart = len(surface.rotation), max(1, round(fps / 10))
     found = torch.zeros(frames, dtype=torch.bool, device=surface.rotation.device)
     for field, pose in surface.parts:
-        verts = field.mesh.verts.to(surface.rotation)
-        placed = pose.apply(verts[:: max(1, len(verts) // 32)].expand(frames, -1, -1))
+        verts = field.mesh.some_verts(32).to(surface.rotation)
+        placed = pose.apply(verts.expand(frames, -1, -1))
         speed = (placed[2 * apart :] - placed[: -2 * apart]).norm(dim=-1).mean(-1)
         found[apart:-apart] |= speed * fps / (2 * apart) > CARRIED_SPEED
     return found

@@ -214,7 +214,7 @@ def _all(scene: Scene) -> Iterator[Seen]:
     yield from _hands(scene)
     motion = scene.object
     for part, mesh in enumerate(motion.meshes):
-        verts = mesh.verts[:: max(1, len(mesh.verts) // OUTLINE)]
+        verts = mesh.some_verts(OUTLINE)
         placed = verts @ motion.rotation[:, part].mT + motion.translation[:, part, None]
         yield placed, torch.ones(scene.frames, dtype=torch.bool)
 

@@ -225,8 +225,7 @@ def widest_gap(meshes: list[Mesh], poses: Array) -> float:
     gaps = []
     for pose in poses[:: max(1, len(poses) // 5)]:
         first, second = (
-            mesh.verts.double().numpy()[:: max(1, len(mesh.verts) // 500)] @ part[:3, :3].T
-            + part[:3, 3]
+            mesh.some_verts(500).double().numpy() @ part[:3, :3].T + part[:3, 3]
             for mesh, part in zip(meshes, pose, strict=True)
         )
         gaps.append(np.linalg.norm(first[:, None] - second[None], axis=-1).min())
