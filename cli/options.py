@@ -196,8 +196,10 @@ cleaning = together(
 )
 """Options of cleaning: the fields of `geneoh.Options`, and the side and the frame rate."""
 folder = option("-o --output folder: Folder to write to.", FOLDER, Path("runs"))
+INTERACTIONS = "runs/data"
+"""Default folder of made interactions."""
 data = option(
-    "--data: Folder of interactions that `geneoh synthesize` made.", FOLDER, Path("runs/data")
+    "--data: Folder of interactions that `geneoh synthesize` made.", FOLDER, Path(INTERACTIONS)
 )
 config_and_settings = together(
     option(

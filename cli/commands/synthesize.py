@@ -12,7 +12,7 @@ from .. import options, progress
 
 
 @click.command()
-@options.option("-o --output data: Folder to write to.", options.FOLDER, Path("runs/data"))
+@options.option("-o --output data: Folder to write to.", options.FOLDER, Path(options.INTERACTIONS))
 @options.flag(
     "--actions: Make actions with a verb, one or two hands and up to 5 seconds, from which "
     "`geneoh generate` is learned, instead of interactions to clean."

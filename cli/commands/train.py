@@ -29,7 +29,7 @@ BODIES = "runs/bodies"
     "interactions, and they are made where it is empty. SOURCE is one of `geneoh convert "
     "--help`, or `sequences` for npz files; WEIGHT is its share of the windows, relative to "
     "the others.",
-    show_default="runs/data; runs/actions and runs/bodies for the generators",
+    show_default=f"{options.INTERACTIONS}; {ACTIONS} and {BODIES} for the generators",
     metavar="[SOURCE=]PATH[:WEIGHT]",
 )
 @options.folder
@@ -164,7 +164,7 @@ def cleaner_task(request: Request, place: Any, on_progress: Any) -> Any:
     chosen, weights = stage_config(TrainConfig(), stage, *request.configuration()), None
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
-    sources = [parsed_source(text) for text in request.sources or ("runs/data",)]
+    sources = [parsed_source(text) for text in request.sources or (options.INTERACTIONS,)]
     readers = ReaderOptions(mano_dir=request.mano)
     if not any(one.source for one in sources):
         _refuse_unused(f"{stage} and made interactions", "mano")
