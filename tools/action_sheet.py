@@ -156,11 +156,11 @@ def main() -> None:
     parser.add_argument("output", type=Path)
     parser.add_argument("--split", default="train")
     parser.add_argument("--clip", type=int, default=0)
-    asked = parser.parse_args()
-    actions, names = read_actions(asked.data, asked.split)
-    chosen = one_per_verb(actions, asked.clip)
-    asked.output.write_bytes(png_bytes(contact_sheet(chosen, names)))
-    print(f"wrote {len(chosen.verb)} of {len(VERBS)} verbs to {asked.output}")
+    args = parser.parse_args()
+    actions, names = read_actions(args.data, args.split)
+    chosen = one_per_verb(actions, args.clip)
+    args.output.write_bytes(png_bytes(contact_sheet(chosen, names)))
+    print(f"wrote {len(chosen.verb)} of {len(VERBS)} verbs to {args.output}")
 
 
 if __name__ == "__main__":

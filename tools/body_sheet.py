@@ -81,18 +81,18 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--weights", type=Path)
-    asked = parser.parse_args()
+    args = parser.parse_args()
     height = WORDS + CELL + CLOSE
     canvas = Canvas(CELL * FRAMES, height * len(CHOSEN))
     for index, (left, right, sentence) in enumerate(CHOSEN):
-        body = body_of(left, right, asked.seed + index)
+        body = body_of(left, right, args.seed + index)
         start = time.perf_counter()
-        made = generate_on_body(sentence, body, BodyOptions(weights=asked.weights, seed=asked.seed))
+        made = generate_on_body(sentence, body, BodyOptions(weights=args.weights, seed=args.seed))
         seconds = time.perf_counter() - start
         scene = make_scene({sentence: made.sequence}, body=made.body)
         row_of(canvas, index * height, scene, made, seconds)
         print(f"{sentence}: {body.frames} frames in {seconds:.1f} s")
-    Image.fromarray(np.ascontiguousarray(canvas.picture())).save(asked.out, optimize=True)
+    Image.fromarray(np.ascontiguousarray(canvas.picture())).save(args.out, optimize=True)
 
 
 if __name__ == "__main__":

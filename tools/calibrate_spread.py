@@ -64,10 +64,10 @@ def calibrated(errors: Iterable[SpreadErrors]) -> float:
     """The factor of the grid that comes nearest to the aim over all noises."""
     errors = list(errors)
 
-    def off(scale: float) -> float:
+    def miss(scale: float) -> float:
         return sum((each.inside(scale) - AIM) ** 2 for each in errors)
 
-    return min(GRID, key=off)
+    return min(GRID, key=miss)
 
 
 if __name__ == "__main__":

@@ -75,8 +75,8 @@ def finger_distances(sequence: Sequence) -> Float[Tensor, "T 5"]:
     (hand,) = normalised_hands(sequence)
     subject, surface = subject_of(hand.track, load_hand("right")), hand.object.surface()
     state = subject.parameters()
-    given = state, subject.shaped, subject.joints, surface, hand.fps, hand.track.observed
-    _, apart = measure_hand(*given, within=touch.EXACT_WITHIN)
+    inputs = state, subject.shaped, subject.joints, surface, hand.fps, hand.track.observed
+    _, apart = measure_hand(*inputs, within=touch.EXACT_WITHIN)
     assert apart is not None, "there is an object"
     return apart
 

@@ -221,13 +221,13 @@ def main() -> None:
     parser.add_argument("--errors", nargs="+", choices=ERRORS, default=ERRORS, metavar="NAME")
     parser.add_argument("--preset", default="default")
     parser.add_argument("--weights", type=Path, help="folder of other weights")
-    given = parser.parse_args()
+    args = parser.parse_args()
     torch.set_num_threads(1)
-    options = geneoh.Options(preset=given.preset, weights=given.weights)
-    groups = clips_of(given.clips, given.seeds)
+    options = geneoh.Options(preset=args.preset, weights=args.weights)
+    groups = clips_of(args.clips, args.seeds)
     print("| error | " + " | ".join(f"{title} | worse" for title in groups) + " |")
     print("|---|" + "---|--:|" * len(groups))
-    for name in given.errors:
+    for name in args.errors:
         cells = (cell(name, ERRORS[name], clips, options) for clips in groups.values())
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
 
@@ -265,12 +265,12 @@ def scored(
     (hand,) = clean.hands
     assert hand.joints is not None
     noisy = error(hand, generator)
-    given = filled_keypoints(noisy)
-    smoothed = smooth(given, TUNED["savgol", "keypoints"], clean.fps)
+    filled = filled_keypoints(noisy)
+    smoothed = smooth(filled, TUNED["savgol", "keypoints"], clean.fps)
     result = geneoh.denoise(replace(clean, hands=(noisy,)), options).sequence.hands[0].joints
     assert result is not None
     return tuple(
-        1000 * float(mpjpe(joints, hand.joints).mean()) for joints in (given, smoothed, result)
+        1000 * float(mpjpe(joints, hand.joints).mean()) for joints in (filled, smoothed, result)
     )
 
 

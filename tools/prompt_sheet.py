@@ -111,19 +111,19 @@ def main() -> None:
     parser.add_argument("--refine", default="geneoh")
     parser.add_argument("--weights", type=Path)
     parser.add_argument("--objects", type=Path, default=Path("examples/objects"))
-    asked = parser.parse_args()
-    options = GenerateOptions(seed=asked.seed, refine=asked.refine, weights=asked.weights)
+    args = parser.parse_args()
+    options = GenerateOptions(seed=args.seed, refine=args.refine, weights=args.weights)
     rows = []
     print(LINES)
     for sentence, name in PROMPTS:
-        mesh = load_mesh(asked.objects / f"{name}.ply")
+        mesh = load_mesh(args.objects / f"{name}.ply")
         began = time.monotonic()
         row = Row(sentence, generate(sentence, mesh, options), time.monotonic() - began)
         scene = make_scene({sentence: row.sequence})
         print(measured(row, scene), flush=True)
         rows.append((row, scene))
     # 128 colours take a third of the bytes
-    Image.fromarray(prompt_sheet(rows)).quantize(128).save(asked.output, optimize=True)
+    Image.fromarray(prompt_sheet(rows)).quantize(128).save(args.output, optimize=True)
 
 
 if __name__ == "__main__":

@@ -44,22 +44,22 @@ def main() -> None:
     parser.add_argument("--clips", type=int, default=2, help="made clips")
     parser.add_argument("--frames", type=int, default=146, help="of each, at most")
     parser.add_argument("--made-only", action="store_true", help="leave out the recording")
-    given = parser.parse_args()
+    args = parser.parse_args()
     torch.set_num_threads(1)
     families = SynthesisConfig().common
     made = [
-        draw_clip(families[index % len(families)], 2000 + index, given.frames)
-        for index in range(given.clips)
+        draw_clip(families[index % len(families)], 2000 + index, args.frames)
+        for index in range(args.clips)
     ]
     example = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
-    recorded = [] if given.made_only else [example[: given.frames]]
+    recorded = [] if args.made_only else [example[: args.frames]]
     for title, clips in (("recording", recorded), ("made clips", made)):
         if not clips:
             continue
-        rows: dict[float, list[Row]] = {lag: [] for lag in given.lags}
+        rows: dict[float, list[Row]] = {lag: [] for lag in args.lags}
         for clip in clips:
-            for noise in given.noises:
-                for seed in range(given.seeds):
+            for noise in args.noises:
+                for seed in range(args.seeds):
                     generator = torch.Generator().manual_seed(seed)
                     noisy = corrupt_sequence(clip, noise, generator=generator)
                     measure(clip.hands[0], noisy, seed, rows)

@@ -61,12 +61,12 @@ def tuned(
     """The size of one kind of filter with the least mean error in metres, and that error."""
 
     def error(chosen: Filter) -> float:
-        off = [
+        misses = [
             float((filtered(noisy, chosen, domain, fps) - clean.joints).norm(dim=-1).mean())
             for clean, noisy in pairs
             if clean.joints is not None
         ]
-        return sum(off) / len(off)
+        return sum(misses) / len(misses)
 
     errors = {chosen: error(chosen) for chosen in GRID[kind]}
     best = min(errors, key=errors.__getitem__)

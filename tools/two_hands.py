@@ -80,12 +80,12 @@ def main() -> None:
     parser.add_argument("--clips", type=int, default=8)
     parser.add_argument("--noises", nargs="+", choices=get_args(Noise), default=get_args(Noise))
     parser.add_argument("--preset", default="default")
-    given = parser.parse_args()
+    args = parser.parse_args()
     torch.set_num_threads(1)
-    clips = list(islice(made_pairs(), given.clips))
-    columns = [column(clips, noise, given.preset) for noise in given.noises]
-    print("| input / filter / geneoh | " + " | ".join(given.noises) + " |")
-    print("|---|" + "--:|" * len(given.noises))
+    clips = list(islice(made_pairs(), args.clips))
+    columns = [column(clips, noise, args.preset) for noise in args.noises]
+    print("| input / filter / geneoh | " + " | ".join(args.noises) + " |")
+    print("|---|" + "--:|" * len(args.noises))
     for row, (name, form) in enumerate(ROWS.items()):
         cells = (" / ".join(map(form.format, values[:, row].tolist())) for values in columns)
         print(f"| {name} | " + " | ".join(cells) + " |")

@@ -46,8 +46,8 @@ class Point:
         """A short description of the point."""
         if self.networks == "paper":
             return "networks of the paper's sizes"
-        said = [f"{name} {getattr(self, name):,}" for name in QUICK]
-        return ", ".join([*said, self.version] if self.version else said)
+        sizes = [f"{name} {getattr(self, name):,}" for name in QUICK]
+        return ", ".join([*sizes, self.version] if self.version else sizes)
 
 
 Axes = Mapping[str, tuple[int, ...]]
@@ -119,12 +119,12 @@ def run_bench(
             if on_progress is not None:
                 on_progress(f"{len(points)} points, {about}; {stage}", done, total)
 
-        asked = asdict(point)
-        if (key := json.dumps(asked)) not in kept:
+        wanted = asdict(point)
+        if (key := json.dumps(wanted)) not in kept:
             tell("start", 0, 1)
             kept[key] = measured_apart(point, bench.tree if point.version else None, tell)
             load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
-            records.append({"asked": asked, "load": load, "found": kept[key]})
+            records.append({"asked": wanted, "load": load, "found": kept[key]})
             held = {"generator": GENERATOR, "environment": environment, "points": records}
             write_whole(output, json_text(held, indent=1) + "\n")
         found[point] = kept[key]
@@ -156,11 +156,11 @@ def measured_apart(point: Point, tree: Path | None, tell: Tell) -> Found:
     program = Path(measure.__file__)
     program = program.with_name("paper.py") if point.networks == "paper" else program
     command = [sys.executable, str(program), json.dumps(asdict(point))]
-    with tempfile.TemporaryDirectory() as folder, open(Path(folder, "said"), "w+") as said:
+    with tempfile.TemporaryDirectory() as folder, open(Path(folder, "said"), "w+") as errors:
         environment = {**os.environ, "OMP_NUM_THREADS": str(point.threads), "TMPDIR": folder}
         if tree is not None:
             environment["PYTHONPATH"] = str(tree.resolve())
-        how: Any = {"env": environment, "stdout": subprocess.PIPE, "stderr": said, "text": True}
+        how: Any = {"env": environment, "stdout": subprocess.PIPE, "stderr": errors, "text": True}
         found: Found = {}
         with subprocess.Popen(command, **how) as process:
             try:
@@ -173,8 +173,8 @@ def measured_apart(point: Point, tree: Path | None, tell: Tell) -> Found:
                 raise
         if process.returncode == 0 and found:
             return found
-        said.seek(0)
-        why = said.read().strip().rpartition("\n")[2] or "no result"
+        errors.seek(0)
+        why = errors.read().strip().rpartition("\n")[2] or "no result"
         if process.returncode < 0:
             why = f"ended by signal {-process.returncode}, as happens where memory runs out"
         raise GeneOHError(f"{point}: could not be measured ({why}); ask for less there")

@@ -28,12 +28,12 @@ def holding(
 
     `apart` is the distance of the nearest keypoint to the object, metres; None stands for zero.
     """
-    off = 0.0 if apart is None else (2 * apart / OFF - 1).clamp(0, 1)
+    away = 0.0 if apart is None else (2 * apart / OFF - 1).clamp(0, 1)
     held = []
     for part in zip(rotation.unbind(2), translation.unbind(2), strict=True):
         speeds = SPEED_UNIT * torch.expm1(relative_speeds(joints, *part))
         carried, over = speeds[..., 0], speeds[..., 2]
-        reaches = off * (2 * over / REACHES - 1).clamp(0, 1)
+        reaches = away * (2 * over / REACHES - 1).clamp(0, 1)
         held.append(((carried - over) / HELD_SPEED).clamp(0, 1) * (1 - reaches))
     return torch.stack(held, dim=-1)
 

@@ -172,10 +172,10 @@ class MotionDenoiser(nn.Module):
         Changes are in units of `UNIT`, the wrist's in canonical axes. `x` may hold several samples
         of each observed window, samples outermost.
         """
-        given = observed.network_input.repeated(len(x) // len(observed.trust))
-        axes, candidates = given.axes, given.candidates
-        features = torch.cat([candidates.flatten(2), given.features], dim=-1)
-        channels = self.read(torch.cat([candidates.flatten(2), given.contact_cues], dim=-1))
+        network_input = observed.network_input.repeated(len(x) // len(observed.trust))
+        axes, candidates = network_input.axes, network_input.candidates
+        features = torch.cat([candidates.flatten(2), network_input.features], dim=-1)
+        channels = self.read(torch.cat([candidates.flatten(2), network_input.contact_cues], dim=-1))
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled, features], dim=-1))

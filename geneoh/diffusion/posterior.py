@@ -83,14 +83,14 @@ def along_a_track(
     known = torch.cholesky_inverse(each.root.double())
     beyond, axes = torch.linalg.eigh(known - torch.linalg.inv(prior_root @ prior_root.mT))
     # along axes where the posterior is wider than the prior, the window has no information
-    said = torch.block_diag(*(axes * (fresh * beyond.clamp(min=0))[:, None] @ axes.mT))
+    precision = torch.block_diag(*(axes * (fresh * beyond.clamp(min=0))[:, None] @ axes.mT))
     toward = (
         axes * (fresh * (beyond > 0))[:, None] @ axes.mT @ known @ each.mean[..., None].double()
     )
     prior = torch.einsum("vij,vw,wkj->viwk", prior_root, agreement, prior_root)
     prior = prior.reshape(total, total)
     eye = torch.eye(total).to(prior)
-    covariance = torch.linalg.solve(eye + prior @ said, prior)
+    covariance = torch.linalg.solve(eye + prior @ precision, prior)
     mean = covariance @ toward.reshape(total)
     covariance = 0.5 * (covariance + covariance.mT) + FLOOR * eye
     root = torch.linalg.cholesky(covariance)
@@ -140,16 +140,16 @@ def importance_posterior(
         Proposal(zero, 0.4 * start, places // 2),
     ]
     used: list[Proposal] = []
-    drawn, asked = zero[:, None, :][:, :0], zero[:, :0]
+    drawn, densities = zero[:, None, :][:, :0], zero[:, :0]
     found = Posterior(zero, start)
     for index in steps(range(rounds), on_step):
         new = torch.cat([proposal.draw(generator) for proposal in upcoming], dim=1)
         drawn = torch.cat([drawn, new], dim=1)
-        asked = torch.cat([asked, log_density(new)], dim=1)
+        densities = torch.cat([densities, log_density(new)], dim=1)
         used += upcoming
         mixture = torch.stack([proposal.log_density(drawn) for proposal in used]).logsumexp(0)
         share = (index + 1) / rounds  # a tempered density first, else few points take all weight
-        found = _weighed(drawn, (share * asked - mixture).softmax(1))
+        found = _weighed(drawn, (share * densities - mixture).softmax(1))
         upcoming = [Proposal(found.mean, WIDEN * found.root, places)]
     return found
 

@@ -133,11 +133,11 @@ class EvaluationOptions:
 
     def _refuse_of_cleaner(self, name: str, used: tuple[object, ...]) -> None:
         """Refuse a preset or a seed of the cleaner that is not scored: it would be ignored."""
-        given = getattr(self.cleaner, name)
-        if given != getattr(Options(), name) and given not in used:
+        value = getattr(self.cleaner, name)
+        if value != getattr(Options(), name) and value not in used:
             raise ConfigError(
                 f"EvaluationOptions: the {name} of 'cleaner' must be one of '{name}s', got "
-                f"{given!r}; give it as {name}s=({given!r},)"
+                f"{value!r}; give it as {name}s=({value!r},)"
             )
 
     @property

@@ -42,9 +42,9 @@ def bars(blocks: Sequence[TableBlock], key: str) -> str:
             if cell is None:
                 continue
             axes.barh(place, cell.mean, color=colour(method, methods), height=0.8)
-            off = cell.deviation if cell.high is None else cell.high - cell.mean
-            if off is not None:
-                axes.plot([cell.mean - off, cell.mean + off], [place] * 2, color="black", lw=1)
+            half = cell.deviation if cell.high is None else cell.high - cell.mean
+            if half is not None:
+                axes.plot([cell.mean - half, cell.mean + half], [place] * 2, color="black", lw=1)
             ticks.append(place)
             names.append(f"{block.noise}: {method}")
             place += 1

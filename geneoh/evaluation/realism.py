@@ -112,8 +112,8 @@ def controls(clips: HandClips, others: Float[Tensor, "N S 21 3"]) -> dict[str, f
     chosen = list(islice((blocks for blocks in each if len(blocks) > 1), CONTROLS))
     found: dict[str, float] = {}
     for view in VIEWS:
-        told = [cross_validate(blocks, others, view, FPS) for blocks in chosen]
-        found[view] = float(torch.tensor(told).mean())
+        scores = [cross_validate(blocks, others, view, FPS) for blocks in chosen]
+        found[view] = float(torch.tensor(scores).mean())
     return found
 
 

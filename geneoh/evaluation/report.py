@@ -96,10 +96,10 @@ class Evaluation:
         for score in self.scores:
             if score.failed:
                 found.setdefault(score.failed, {})[score.method] = None
-        told: Counter[str] = Counter()
+        reported: Counter[str] = Counter()
         for reason, methods in found.items():
-            if any(told[method] < REASONS for method in methods):
-                told.update(methods.keys())
+            if any(reported[method] < REASONS for method in methods):
+                reported.update(methods.keys())
                 yield f"{', '.join(methods)}: {reason}"
 
 

@@ -81,8 +81,8 @@ def evaluate(
         ConfigError: an option has an unknown value, or `folder` holds scores of other settings.
         CheckpointError: weights are missing or damaged.
     """
-    asked = EvaluationOptions(options) if isinstance(options, str) else options
-    options = given_options(asked, EvaluationOptions, "geneoh.evaluate")
+    chosen = EvaluationOptions(options) if isinstance(options, str) else options
+    options = given_options(chosen, EvaluationOptions, "geneoh.evaluate")
     folder = Path(folder)
     cases = find_cases(options)
     methods, notes = methods_of(options)

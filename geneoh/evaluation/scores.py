@@ -151,8 +151,8 @@ class CaseScorer:
 
     def model(self, hand: HandTrack) -> HandModel:
         """The hand model with which a track's mesh is measured."""
-        asked, mano_dir = self.options.cleaner.hand, self.options.cleaner.mano_dir
-        return hand_of_betas(hand.side, hand.hand_model, asked=asked, mano_dir=mano_dir)
+        source, mano_dir = self.options.cleaner.hand, self.options.cleaner.mano_dir
+        return hand_of_betas(hand.side, hand.hand_model, asked=source, mano_dir=mano_dir)
 
     def subject_in(self, sequence: Sequence) -> Subject:
         """Shape and skeleton of the person, from the betas, pose and keypoints of a sequence."""
@@ -237,8 +237,8 @@ class CaseScorer:
         tips = contact.contact_agreement(hand.tips, truth.tips)
         touched = self.touched(hand.verts), self.truly_touched
         distance, true = hand.query.distance, truth.query.distance
-        off = smoothness.acceleration_error(hand.joints, truth.joints, self.fps)
-        off = smoothness.per_frame_squared(off, self.fps)
+        error = smoothness.acceleration_error(hand.joints, truth.joints, self.fps)
+        error = smoothness.per_frame_squared(error, self.fps)
         return {
             "mpjpe_mm": 1000 * mean(accuracy.mpjpe(hand.joints, truth.joints)),
             "mpvpe_mm": 1000 * mean(accuracy.mpvpe(hand.verts, truth.verts)),
@@ -248,7 +248,7 @@ class CaseScorer:
             "tips_recall_pct": 100 * float(tips.recall),
             "tips_f_pct": 100 * float(tips.f_score),
             "proximity_mm": 1000 * mean(contact.proximity_error(distance, true)),
-            "acceleration_error_mm": mean(off),
+            "acceleration_error_mm": mean(error),
         }
 
 

@@ -56,8 +56,8 @@ def fit_with_adam(
     def loss(wrist: Tensor, orient: Tensor, fingers: Tensor, betas: Tensor) -> Tensor:
         rotations = axis_angle_to_matrix(torch.cat([orient, fingers], dim=-2))
         joints = model.shaped(betas).joints_from_rotations(rotations, wrist)
-        off = (trust * (joints - target).square().sum(-1)).mean((1, 2))
-        each = config.joint_weight * off + config.regular * fingers.square().mean((1, 2, 3))
+        apart = (trust * (joints - target).square().sum(-1)).mean((1, 2))
+        each = config.joint_weight * apart + config.regular * fingers.square().mean((1, 2, 3))
         each = each + config.shape * betas.square().mean((1, 2))
         if frames > 1:
             each = each + config.smooth * fingers.diff(dim=1).square().sum((-1, -2)).mean(1)

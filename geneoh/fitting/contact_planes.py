@@ -36,15 +36,15 @@ class Nearby:
         else:
             before, found = self._known
             least = found.distance - (verts - before).norm(dim=-1)
-            asked = least <= self.reach
+            near = least <= self.reach
             # the surface skips points that are not finite
-            new = self.surface.query(verts.masked_fill(~asked[..., None], torch.nan))
+            new = self.surface.query(verts.masked_fill(~near[..., None], torch.nan))
             found = SurfaceQuery(
-                torch.where(asked, new.distance, found.distance),
-                torch.where(asked[..., None], new.closest, found.closest),
-                torch.where(asked[..., None], new.normal, found.normal),
+                torch.where(near, new.distance, found.distance),
+                torch.where(near[..., None], new.closest, found.closest),
+                torch.where(near[..., None], new.normal, found.normal),
             )
-            verts = torch.where(asked[..., None], verts, before)
+            verts = torch.where(near[..., None], verts, before)
         self._known = verts, found
         return found
 

@@ -121,8 +121,8 @@ def fit_hand(
             obstacles.append(partial(contact_planes, near=near, evidence=share))
         if other is not None:
             obstacles.append(partial(planes_apart, other=other[wide]))
-        given = target[:, wide], trust[:, wide], shaped, start[wide], config, obstacles
-        found.append(_fit_frames(*given, part_of(on_step, index, len(parts)))[inner])
+        inputs = target[:, wide], trust[:, wide], shaped, start[wide], config, obstacles
+        found.append(_fit_frames(*inputs, part_of(on_step, index, len(parts)))[inner])
     return concatenated(found)
 
 

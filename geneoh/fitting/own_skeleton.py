@@ -51,10 +51,10 @@ def own_skeleton(
     turn, sure = state.rotations[0][seen], trust[seen].to(joints)
     joints = joints[seen]
     bones = bones_at_rest(turn, joints)
-    off = joints[:, 0] - state.wrist[0][seen]
-    off = (turn[:, 0].mT @ off[..., None])[..., 0]
+    offset = joints[:, 0] - state.wrist[0][seen]
+    offset = (turn[:, 0].mT @ offset[..., None])[..., 0]
     weight = torch.cat([sure[:, :1], trust_of_bones(sure)], dim=1)[..., None]
-    missed = torch.cat([off[:, None], bones - shaped.offsets], dim=1)
+    missed = torch.cat([offset[:, None], bones - shaped.offsets], dim=1)
     kept = _lasting(missed, torch.where(weight.sum(0) > 0, weight, 1.0))
     return OwnSkeleton(shaped.offsets + kept[1:], kept[0])
 

@@ -45,19 +45,19 @@ class Subject(Bundle):
         hand follows the interpolated keypoints instead of relaxing."""
         return torch.where(self.trust.amax(-1, keepdim=True) > 0, self.trust, 1.0)
 
-    def in_own_skeleton(self, given: HandState) -> tuple["Subject", HandState]:
+    def in_own_skeleton(self, state: HandState) -> tuple["Subject", HandState]:
         """The subject and its `parameters`, both changed to the tracker's own skeleton if the
         keypoints came without a pose; see `own_skeleton`."""
         if self.start is not None:
-            return self, given
-        own = own_skeleton(given, self.joints, self.trust, self.shaped)
-        return replace(self, offsets=own.offsets[None]), own.carried(given)
+            return self, state
+        own = own_skeleton(state, self.joints, self.trust, self.shaped)
+        return replace(self, offsets=own.offsets[None]), own.carried(state)
 
-    def completed(self, given: HandState) -> "Subject":
+    def completed(self, state: HandState) -> "Subject":
         """The subject with keypoints of zero trust replaced by those of the posed hand; filled
         frames stay as they are."""
         useless = (self.trust == 0) & (self.trust.amax(-1, keepdim=True) > 0)
-        made, _ = forward_kinematics(given.rotations[0], given.wrist[0], self.offsets)
+        made, _ = forward_kinematics(state.rotations[0], state.wrist[0], self.offsets)
         return replace(self, joints=torch.where(useless[..., None], made, self.joints))
 
 
@@ -121,8 +121,8 @@ def _posed(
     the trust-weighted mean offset of the other keypoints."""
     made, _ = forward_kinematics(rotations, joints[:, 0], skeleton.expand(len(joints), 20, 3))
     share = trust / trust.sum(-1, keepdim=True).clamp(min=1e-6)
-    off = (share[..., None] * (joints - made)).sum(1)
-    return made + torch.where(trust[:, :1] > 0, 0.0, off)[:, None]
+    offset = (share[..., None] * (joints - made)).sum(1)
+    return made + torch.where(trust[:, :1] > 0, 0.0, offset)[:, None]
 
 
 def _lengths(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> Float[Tensor, " 20"]:

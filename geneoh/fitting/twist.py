@@ -133,8 +133,8 @@ def likeliest(
         moved = fingers[:, None, None, :, joint] @ turn[:, None, :, None, joint]
         if joint:
             moved = turn[:, :, None, None, joint - 1].mT @ moved
-        off = unlikeness(moved[..., None, :, :], model, joint).square()
-        cost, at = (off.sum((-1, -2)).mean(-1) + cost[:, None]).min(-1)
+        unlike = unlikeness(moved[..., None, :, :], model, joint).square()
+        cost, at = (unlike.sum((-1, -2)).mean(-1) + cost[:, None]).min(-1)
         best.append(at)
     path = [torch.zeros_like(best[-1][:, 0])]
     finger = torch.arange(5, device=fingers.device)
@@ -158,8 +158,8 @@ def refined(
     def residual(of: Tensor, at: Tensor) -> Tensor:
         return unlikeness(turned(of, bones, at), model).flatten(-2)
 
-    def energy(off: Tensor, at: Tensor) -> Tensor:
-        return off.square().sum((1, 2)) + (steady * at.diff(dim=1)).square().sum((1, 2))
+    def energy(unlike: Tensor, at: Tensor) -> Tensor:
+        return unlike.square().sum((1, 2)) + (steady * at.diff(dim=1)).square().sum((1, 2))
 
     eye, damping = torch.eye(3).to(twist), twist.new_full((5, 1, 1, 1), 1e-2)
     coupling = twist.new_full((3,), steady**2)
@@ -188,15 +188,15 @@ def _pull(twist: Float[Tensor, "5 T 3"], steady: float) -> Float[Tensor, "5 T 3"
 
 
 def sureness(
-    given: Float[Tensor, "5 T 3 3 3"], natural: Float[Tensor, "5 T 3 3 3"], model: HandModel
+    observed: Float[Tensor, "5 T 3 3 3"], natural: Float[Tensor, "5 T 3 3 3"], model: HandModel
 ) -> float:
-    """Log likelihood ratio of two explanations of the `given` pose, by medians over frames: a
+    """Log likelihood ratio of two explanations of the `observed` pose, by medians over frames: a
     twisted natural pose, against a natural pose with a constant error of each component."""
     std = model.pose_std[1:].reshape(5, 3, 3)
     usual, wide = (NATURAL * std).square(), (NATURAL * std).square() + OFFSET**2
 
     def score(rotations: Tensor, variance: Tensor) -> Tensor:
-        off = unlikeness(rotations, model).median(1).values * std
-        return -0.5 * (off.square() / variance + variance.log()).sum()
+        unlike = unlikeness(rotations, model).median(1).values * std
+        return -0.5 * (unlike.square() / variance + variance.log()).sum()
 
-    return float(score(natural, usual) - score(given, wide))
+    return float(score(natural, usual) - score(observed, wide))

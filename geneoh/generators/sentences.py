@@ -32,12 +32,12 @@ def prompt_text(argument: str) -> str:
         raise InputError(
             f"{path}: expected one English sentence in UTF-8, found other bytes; save it as text"
         ) from error
-    said = [line.strip() for line in lines if line.strip()]
-    if len(said) > 1:
+    written = [line.strip() for line in lines if line.strip()]
+    if len(written) > 1:
         raise InputError(
-            f"{path}: expected one sentence, found {len(said)} lines; keep one in the file"
+            f"{path}: expected one sentence, found {len(written)} lines; keep one in the file"
         )
-    return said[0] if said else ""
+    return written[0] if written else ""
 
 
 def refused(sentence: str, why: str) -> InputError:

@@ -87,24 +87,24 @@ def top_accuracy(scores: Float[Tensor, "N C"], labels: Int[Tensor, " N"], count:
 
 
 def retrieval(
-    told: Float[Tensor, "N D"],
+    texts: Float[Tensor, "N D"],
     features: Float[Tensor, "N D"],
     count: int,
     *,
     pool: int,
     generator: torch.Generator,
 ) -> float:
-    """R-precision: share of sentences (`told`) whose clip is among the `count` nearest of its pool.
+    """R-precision: share of `texts` whose clip is among the `count` nearest of its pool.
 
     Clips are divided at random into pools of size `pool`; a remainder is left out. NaN for fewer
     clips than one pool. Chance level is `count` / `pool`.
 
     Source: Guo et al., Generating Diverse and Natural 3D Human Motions from Text, 2022.
     """
-    pools = len(told) // pool
-    order = torch.randperm(len(told), generator=generator)[: pools * pool].view(pools, pool)
+    pools = len(texts) // pool
+    order = torch.randperm(len(texts), generator=generator)[: pools * pool].view(pools, pool)
     if not pools:
         return float("nan")
-    apart = torch.cdist(told[order].double(), features[order].double())
+    apart = torch.cdist(texts[order].double(), features[order].double())
     right = torch.arange(pool).repeat(pools)
     return top_accuracy(-apart.flatten(0, 1), right, count)

@@ -86,18 +86,18 @@ def realistic_frames(
     stands = surface.points[..., 2] <= TOUCH
     still = ~(surface.moves | surface.moves.roll(1, 1))  # `moves` is false in the last frame
     passed = still & stands.any(-1) & surface.valid
-    asked = ~passed & surface.valid & touched.any(-1)
-    if not bool(asked.any()):
+    unsure = ~passed & surface.valid & touched.any(-1)
+    if not bool(unsure.any()):
         return passed
     wanted, centre, size = wanted_wrench(surface, fps)
-    arms = (surface.points - centre[:, :, None])[asked]
+    arms = (surface.points - centre[:, :, None])[unsure]
     down = arms.new_tensor([0.0, 0.0, -1.0]).expand_as(arms)
-    hands = _cones(arms, surface.normals[asked], touched[asked], friction)
-    spanned = torch.cat([hands, _cones(arms, down, stands[asked], 0.0)], 1)
+    hands = _cones(arms, surface.normals[unsure], touched[unsure], friction)
+    spanned = torch.cat([hands, _cones(arms, down, stands[unsure], 0.0)], 1)
     # torques divided by the radius of gyration count like forces
-    scale = torch.cat([torch.ones_like(arms[:, :1]), size[asked][:, None].expand(-1, 1, 3)], -1)
-    left = wrench_left(spanned / scale, wanted[asked][:, None] / scale, steps=STEPS)
-    passed[asked] = left[:, 0].norm(dim=-1) <= LEFT
+    scale = torch.cat([torch.ones_like(arms[:, :1]), size[unsure][:, None].expand(-1, 1, 3)], -1)
+    left = wrench_left(spanned / scale, wanted[unsure][:, None] / scale, steps=STEPS)
+    passed[unsure] = left[:, 0].norm(dim=-1) <= LEFT
     return passed
 
 

@@ -101,8 +101,8 @@ def shared_voxels(hand: OpenSolid, part: OpenSolid, voxel: float) -> int:
         # minus infinity for a solid that holds the whole of a larger block
         margin = centers.new_full((len(corners), 2), -torch.inf)
         for index, body in enumerate((hand, part)):
-            asked = unsure[:, index] & (margin <= half).all(-1)
-            margin[asked, index] = body.margin(centers[asked])
+            tested = unsure[:, index] & (margin <= half).all(-1)
+            margin[tested, index] = body.margin(centers[tested])
         deepest = margin.amax(-1)
         count += int((deepest < -half).sum()) * size**3
         undecided = deepest.abs() <= half
@@ -113,8 +113,8 @@ def shared_voxels(hand: OpenSolid, part: OpenSolid, voxel: float) -> int:
     centers = centers_of(corners, 1, voxel)
     inside = torch.ones(len(centers), dtype=torch.bool)
     for index, body in enumerate((hand, part)):
-        asked = inside & unsure[:, index]
-        inside[asked] = body.field.solid.contains(centers[asked])
+        tested = inside & unsure[:, index]
+        inside[tested] = body.field.solid.contains(centers[tested])
     return count + int(inside.sum())
 
 

@@ -14,8 +14,8 @@ def named_device(name: str) -> torch.device:
         device = torch.device(name)
         torch.zeros(1, device=device).item()  # fails on "meta", whose tensors hold no values
     except (RuntimeError, AssertionError, ImportError) as error:
-        said = str(error).splitlines()[0]
-        found = "an unknown kind" if said.startswith(UNKNOWN) else f"'{said}'"
+        reason = str(error).splitlines()[0]
+        found = "an unknown kind" if reason.startswith(UNKNOWN) else f"'{reason}'"
         raise ConfigError(
             f"--device {name}: expected a device of this machine, got {found}; "
             "`geneoh info` lists them"

@@ -55,8 +55,8 @@ def refuse_depths(size: Mapping[str, Any], most: int) -> None:
 
 def file_or_shipped(name: str, folder: Path | None, shipped: Path) -> Path:
     """The weights `name` in `folder` if they are there, else those in the folder `shipped`."""
-    given = None if folder is None else folder / f"{name}.safetensors"
-    return given if given is not None and given.is_file() else shipped / f"{name}.safetensors"
+    own = None if folder is None else folder / f"{name}.safetensors"
+    return own if own is not None and own.is_file() else shipped / f"{name}.safetensors"
 
 
 def refuse_none_of(names: Sequence[str], folder: Path | None) -> None:

@@ -90,16 +90,16 @@ def denoise(
     options = with_settings(options, settings)
     named_device(options.device)
     with undisturbed():
-        given = as_sequence(sequence, obj)
-        sequence = with_hands_earlier(checked_interaction(given), options.hand_delay)
+        taken = as_sequence(sequence, obj)
+        sequence = with_hands_earlier(checked_interaction(taken), options.hand_delay)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, lost = without_faults(sequence)
         shots = [slice(0, sequence.frames)]
         if isinstance(options.resolved().fit, FitConfig):  # the paper's finds one shape for all
             shots = common_shots(sequence)
-        told = (*collapsed_sentences(given), *exchange, *lost, *told_of(sequence, shots))
-        doubtful = (*told, *doubts(sequence, name))
+        notes = (*collapsed_sentences(taken), *exchange, *lost, *told_of(sequence, shots))
+        doubtful = (*notes, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)
         if len(shots) < 2:
@@ -144,8 +144,8 @@ def clean_interaction(
     if chosen.clean_object:
         ready = examined(sequence.hands, motion, sequence.fps)
     sequence = replace(sequence, hands=ready.hands)
-    seen, said = with_found_rays(replace(sequence, object=ready.met), chosen)
-    notes += [*ready.notes, *said]
+    seen, ray_notes = with_found_rays(replace(sequence, object=ready.met), chosen)
+    notes += [*ready.notes, *ray_notes]
     normalised = normalised_hands(seen)
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
@@ -153,8 +153,8 @@ def clean_interaction(
     examination = ready.examination
     noise = None if examination is None else examination.white_noise
     run = HandRun(denoisers, chosen, noise, options.seed, on_progress)
-    told = normalised_hands(replace(seen, hands=ready.undone)) if ready.undone else ()
-    fitted, in_each_other = kept_apart(_fitted(normalised, told, ready.relied, run, options))
+    undone = normalised_hands(replace(seen, hands=ready.undone)) if ready.undone else ()
+    fitted, in_each_other = kept_apart(_fitted(normalised, undone, ready.relied, run, options))
     results: dict[Side, HandResult] = {
         hand.side: _as_given(found.result(), hand, sequence.hand(hand.side))
         for found, hand in zip(fitted, normalised, strict=True)
@@ -171,13 +171,13 @@ def clean_interaction(
 
 def _fitted(
     hands: tuple[NormalisedHand, ...],
-    told: tuple[NormalisedHand, ...],
+    undone: tuple[NormalisedHand, ...],
     relied: Float[Tensor, "T Q"],
     run: HandRun,
     options: Options,
 ) -> list[FittedHand]:
     """Each hand after its fit, on `options.device`; see `HandRun.fitted`."""
-    tracks = {hand.side: hand.track for hand in told}
+    tracks = {hand.side: hand.track for hand in undone}
     fitted: list[FittedHand] = []
     for hand in hands:
         moved = hand.to(options.device)

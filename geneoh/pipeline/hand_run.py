@@ -43,19 +43,19 @@ class HandRun:
         hand: NormalisedHand,
         model: HandModel,
         relied: Float[Tensor, "N Q"],
-        told: HandTrack | None,
+        raw: HandTrack | None,
     ) -> FittedHand:
         """One normalised hand after the stages and the fit.
 
         `relied` is the reliability of each part's pose, 0 to 1: a frame of lower reliability is
-        cleaned to that extent without the object. `told` is the input before a filter was undone in
+        cleaned to that extent without the object. `raw` is the input before a filter was undone in
         it, for the report; None if nothing was undone."""
         chosen = self.preset
         surface = hand.object.surface() if hand.object.meshes else None
         against = surface if chosen.has_object else None
         carrier = None if against is None else carrier_of(hand.track, against, relied)
-        asked = subject_of(hand.track, model, carrier)
-        subject = untwisted(asked)
+        observed = subject_of(hand.track, model, carrier)
+        subject = untwisted(observed)
         given = subject.parameters()
         # the paper's stages work on keypoints and use no skeleton
         subject, seen = subject.in_own_skeleton(given) if chosen.observed else (subject, given)
@@ -72,14 +72,14 @@ class HandRun:
         index, target = _select(samples, subject, chosen.selection)
         on_step = progress_of("fit")
         state, shaped, betas = _fit(target, subject, given, chosen, surface, near * poses, on_step)
-        if told is not None:
-            asked = subject_of(told.to(hand.track.valid.device), model, carrier)
-        before = given if asked.start is subject.start else asked.parameters()
+        if raw is not None:
+            observed = subject_of(raw.to(hand.track.valid.device), model, carrier)
+        before = given if observed.start is subject.start else observed.parameters()
         return FittedHand(
             hand=hand,
             subject=subject,
             given=before,
-            given_joints=subject.joints if told is None else asked.completed(before).joints,
+            given_joints=subject.joints if raw is None else observed.completed(before).joints,
             preset=chosen,
             surface=surface,
             near=near,

@@ -151,11 +151,11 @@ def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = Fal
     save_sequence(result.sequence, path, extra=extra)
 
 
-def no_result(given: Any, said: str) -> InputError:
-    """The error for an argument of a wrong type: the message `said`, and how to get a sequence."""
+def no_result(given: Any, sentence: str) -> InputError:
+    """The error for an argument of a wrong type: `sentence`, and how to get a sequence."""
     if isinstance(getattr(given, "sequence", None), Sequence):
-        return InputError(f"{said}; give its .sequence")
-    return InputError(f"{said}; geneoh.from_arrays makes a Sequence of arrays")
+        return InputError(f"{sentence}; give its .sequence")
+    return InputError(f"{sentence}; geneoh.from_arrays makes a Sequence of arrays")
 
 
 def kept_arrays(path: Path | str) -> Arrays:

@@ -32,13 +32,13 @@ def nearest_in_tree(
     sets = points.reshape(-1, *points.shape[-2:])
     if bool((sets == sets[:1]).all()):  # the windows of one track share their points
         sets = sets[:1]
-    asked = joints.nan_to_num().reshape(len(sets), -1, 3)
+    queries = joints.nan_to_num().reshape(len(sets), -1, 3)
     found = [
         # quick to build; a tree of few points answers as fast unbalanced
         KDTree(own, balanced_tree=False, compact_nodes=False).query(
             some, workers=torch.get_num_threads()
         )[1]
-        for some, own in zip(asked.numpy(), sets.numpy(), strict=True)
+        for some, own in zip(queries.numpy(), sets.numpy(), strict=True)
     ]
     return torch.from_numpy(np.stack(found)).reshape(joints.shape[:-1])
 

@@ -131,9 +131,9 @@ def _lost(place: tuple[int, Path], why: str) -> None:
     raise InputError(f"{place[1]}: {why}")
 
 
-def record_differences(found: ShardRecord, asked: ShardRecord) -> str:
+def record_differences(found: ShardRecord, wanted_record: ShardRecord) -> str:
     """The settings that differ between two records, as text; empty if there are none."""
-    was, wanted = (as_dict(record) for record in (found, asked))
+    was, wanted = (as_dict(record) for record in (found, wanted_record))
     return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
 
 

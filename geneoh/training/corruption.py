@@ -171,10 +171,10 @@ def _camera(
     blunders = draws.chance(config.blunder_share, frames, 1) & draws.chance(0.5, 1, 1)
     depth = depth + config.blunder * draws.normal(1, 1).sign() * blunders
     shift = depth * ray[:, None] + config.across * draws.normal(1, 3)
-    told = torch.where(
+    scaled = torch.where(
         errs, draws.chance(config.ray_share, 1), draws.chance(config.other_ray_share, 1)
     )
-    return shift * errs[..., None], ray * told
+    return shift * errs[..., None], ray * scaled
 
 
 def _object_noise(

@@ -217,9 +217,9 @@ def refuse_other_making(
     """Refuse `a.b=c` settings of the synthesis that differ from those of existing shards."""
     names = {name for setting in settings for name in flat(parse_setting(setting))}
     known = flat({"synthesis": as_dict(config)})
-    asked = {name.partition(".")[2]: known[name] for name in names & known.keys()}
+    named = {name.partition(".")[2]: known[name] for name in names & known.keys()}
     for made in record.get("sources", [record]):
-        if "seed" in made and (differs := setting_differences(made["config"], asked)):
+        if "seed" in made and (differs := setting_differences(made["config"], named)):
             raise ConfigError(
                 f"--set synthesis: the interactions are there and were made with {differs}; leave "
                 "that out, or name another folder as --data"

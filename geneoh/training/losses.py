@@ -62,8 +62,8 @@ def window_weight(
 
     Without it, the remaining error of a good track would hardly matter.
     """
-    given = (noisy - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
-    return 1 / (given + WEIGHT_FLOOR).sqrt()
+    error = (noisy - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
+    return 1 / (error + WEIGHT_FLOOR).sqrt()
 
 
 def motion_loss(model: MotionDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
@@ -77,8 +77,8 @@ def motion_loss(model: MotionDenoiser, batch: Batch, draws: Draws) -> Float[Tens
     noise = draws.like(change)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
-    off = seen.hand.moved(predicted).joints - clean
-    keypoints = off.square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
+    error = seen.hand.moved(predicted).joints - clean
+    keypoints = error.square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
     return (window_weight(seen.joints, clean) * (0.5 * parameters + keypoints)).mean()
 
 
@@ -158,10 +158,10 @@ def temporal_loss(model: TemporalDenoiser, batch: Batch, draws: Draws) -> Float[
     """
     del draws  # draws nothing; the signature is shared by all losses
     seen, clean, moved = _temporal_question(model, batch)
-    off = moved - clean
-    steps = off.diff(dim=1).norm(dim=-1) / STEP_ERROR
+    error = moved - clean
+    steps = error.diff(dim=1).norm(dim=-1) / STEP_ERROR
     near = torch.exp(-(seen.nearest - seen.joints).norm(dim=-1) / CONTACT_DECAY)[:, 1:]
-    places = (off - off.mean((1, 2), keepdim=True)).norm(dim=-1) / PLACE_ERROR
+    places = (error - error.mean((1, 2), keepdim=True)).norm(dim=-1) / PLACE_ERROR
     return ((0.5 + near) * steps).mean() + places.mean()
 
 
@@ -244,8 +244,8 @@ def recovered_fraction(
         case TrajectoryDenoiser():
             scale, start = WindowScale.of(noisy), TRAJECTORY_START
             noise = start * normal_like(noisy, generator=generator)
-            given = scale.normalised(noisy) + noise
-            got = scale.metres(model(given, start * one, scale.deviation.flatten()))
+            noisy_window = scale.normalised(noisy) + noise
+            got = scale.metres(model(noisy_window, start * one, scale.deviation.flatten()))
         case SpatialDenoiser():
             evidence, clean = _spatial_question(batch)
             noisy = torch.zeros_like(clean)

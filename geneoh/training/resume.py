@@ -151,7 +151,7 @@ def run_record(
 
 
 def refuse_other_run(
-    path: Path, saved: Mapping[str, Any], asked: Mapping[str, Any], unread: Collection[str] = ()
+    path: Path, saved: Mapping[str, Any], current: Mapping[str, Any], unread: Collection[str] = ()
 ) -> None:
     """`CheckpointError` if a saved state was made with another stage, config or data.
 
@@ -159,16 +159,16 @@ def refuse_other_run(
     not read (`unread`) may differ, and those that describe the data, which has a fingerprint.
     """
     differs = [
-        f"{words} {_shown(saved[name])} where {_shown(asked.get(name))} is asked for"
+        f"{words} {_shown(saved[name])} where {_shown(current.get(name))} is asked for"
         for name, words in COMPARED.items()
-        if name in saved and saved[name] != asked.get(name)
+        if name in saved and saved[name] != current.get(name)
     ]
     # `accumulate` changes the cleaner's training only by rounding, that of generators by more
     may_change = (*MAY_CHANGE, *(("accumulate",) if saved.get("stage") in STAGES else ()))
     unread = {*unread, *OF_DATA}
     old, new = (
         flat({name: value for name, value in record["config"].items() if name not in unread})
-        for record in (saved, asked)
+        for record in (saved, current)
     )
     differs += [
         f"{name} {old[name]} where {new[name]} is asked for"

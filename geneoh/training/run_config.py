@@ -80,11 +80,11 @@ def refuse_replaced(config: RunConfig, path: Path | None, settings: Iterable[str
     """
     settings = list(settings)
     used = flat(as_dict(config))
-    asked = flat(as_dict(configured(type(config)(), path, settings)))
+    current = flat(as_dict(configured(type(config)(), path, settings)))
     for setting in settings:
         for name in flat(parse_setting(setting)):
-            if used[name] != asked[name]:
+            if used[name] != current[name]:
                 raise ConfigError(
                     f"--set {setting}: expected {used[name]}, as in the weights, the texts or the "
-                    f"networks that the run starts from, got {asked[name]}; leave it out"
+                    f"networks that the run starts from, got {current[name]}; leave it out"
                 )

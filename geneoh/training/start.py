@@ -32,10 +32,10 @@ def started_from(
         path = baseline_weights(stage, folder)
     else:
         path = stage_weights(stage, folder)
-    saved, asked = load_checkpoint(path), getattr(config, stage)
+    saved, wanted = load_checkpoint(path), getattr(config, stage)
     try:
         size = dict(saved.record["config"][stage])
-        network = with_table(type(asked)(), size, str(path))
+        network = with_table(type(wanted)(), size, str(path))
         config = replace(config, autoencoder_steps=0, **{stage: network})
         build_model(stage, config).load_state_dict(saved.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -44,7 +44,7 @@ def started_from(
             f"({str(error).splitlines()[-1].strip()}); start without them"
         ) from error
     default = flat(as_dict(type(network)()))
-    chosen = {name: v for name, v in flat(as_dict(asked)).items() if v != default[name]}
+    chosen = {name: v for name, v in flat(as_dict(wanted)).items() if v != default[name]}
     if differs := setting_differences(as_dict(network), chosen):
         raise ConfigError(
             f"--start: the {stage} network of {path} has {differs}; leave that out, or start "

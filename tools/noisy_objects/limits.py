@@ -55,7 +55,7 @@ def limits_of(
     filtered = [track_of(given, along(start, seen, size)) for size in FILTERS]
     lasting = (truth[0].inv() * seen[0]).as_rotvec().mean(0), (seen[1] - truth[1]).mean(0)
     moved = truth[0] * Rotation.from_rotvec(lasting[0]), truth[1] + lasting[1]
-    told = told_motion(truth, seen, start, kind, clean.fps)
+    informed = told_motion(truth, seen, start, kind, clean.fps)
 
     def error(track: ObjectTrack) -> float:
         return float(off(track, clean.object, symmetry).mean())
@@ -64,7 +64,7 @@ def limits_of(
     return [
         *map(error, (given, smooth, refined)),
         best,
-        *(error(track_of(given, poses)) for poses in (told, moved)),
+        *(error(track_of(given, poses)) for poses in (informed, moved)),
     ]
 
 

@@ -101,20 +101,20 @@ def draw_clips(
     Without `contact`, the contact map of the networks is zero.
     """
     real = data.actions.take(slice(None))
-    said = sentences(real, data, Draws(len(real.verb), generator))
+    texts = sentences(real, data, Draws(len(real.verb), generator))
     parts, every = [], torch.arange(real.joint.shape[1])
-    for start in steps(range(0, len(said), BATCH), on_step):
+    for start in steps(range(0, len(texts), BATCH), on_step):
         some = real.take(slice(start, start + BATCH), "B")
         objects = Objects.of(some)
-        asked = objects, said[start : start + BATCH], hands_of(some), some.length
-        given = None if contact else torch.zeros_like(objects.points[..., 0])
+        inputs = objects, texts[start : start + BATCH], hands_of(some), some.length
+        maps = None if contact else torch.zeros_like(objects.points[..., 0])
         verbs = [data.verb_words[verb] for verb in some.verb.tolist()]
         giver: list[Side | None] = [
             asked_giver(sentence.lower()) if verb == "pass" else None
-            for sentence, verb in zip(asked[1], verbs, strict=True)
+            for sentence, verb in zip(inputs[1], verbs, strict=True)
         ]
         made, touched = sample_actions(
-            networks, *asked, generator=generator, contact=given, giver=giver
+            networks, *inputs, generator=generator, contact=maps, giver=giver
         )
         # clips that are sampled together are as long as the longest; pad to the length of all
         made = made.at_frames(every.minimum(made.length[:, None] - 1))

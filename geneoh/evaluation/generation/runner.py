@@ -133,9 +133,9 @@ def evaluate_generator(
     rows |= network_rows(networks, alone, options, jobs)
     measured = {}
     for name, clips in rows.items():
-        told = on_progress and partial(on_progress, name)
-        made = clips(part_of(told, 0, 2))
-        measured[name] = made, measure_clips(made, part_of(told, 1, 2))
+        report = on_progress and partial(on_progress, name)
+        made = clips(part_of(report, 0, 2))
+        measured[name] = made, measure_clips(made, part_of(report, 1, 2))
     found = mean_scores([scores_under(model, measured, options) for model in models])
     settings = _settings_of(options, tasks, folder, count)
     about = (*_about_run(settings), *about_moving_joints(measured), *notes)

@@ -105,9 +105,9 @@ def repeat(
     values = {name: {key: [] for key in scores} for name in rows}
     for number in range(repetitions):
         order = torch.randperm(len(real.features), generator=_drawn(seed, number))
-        other, asked = order.tensor_split(2)
+        other, own = order.tensor_split(2)
         for name, row in rows.items():
-            part = row.take(asked, "B")
+            part = row.take(own, "B")
             for measure, score in scores.items():
                 value = score(part, real.take(other, "B"), _drawn(seed, number, measure))
                 values[name][measure].append(value)

@@ -147,10 +147,10 @@ class ClipBatch(Bundle):
         all clips with wrong hands, and of the right sentence for each clip."""
         wrong = Seen(self.clips.body, self.other)
         motions = model.motions(concatenated([self.clips, wrong], "B"), self.hidden.repeat(2))
-        told = model.sentences(self.pieces)
-        alike = model.cold.exp().clamp(max=LARGEST_INVERSE) * told @ motions.T
-        right = torch.arange(len(told), device=told.device)
-        back = alike[:, : len(told)].T
+        texts = model.sentences(self.pieces)
+        alike = model.cold.exp().clamp(max=LARGEST_INVERSE) * texts @ motions.T
+        right = torch.arange(len(texts), device=texts.device)
+        back = alike[:, : len(texts)].T
         return 0.5 * (cross_entropy(alike, right) + cross_entropy(back, right))
 
 
@@ -202,8 +202,8 @@ class EncoderTask(Task):
         others = (chosen + torch.randint(1, total, chosen.shape, generator=generator)) % total
         which = torch.randint(self.clips.joined.shape[1], chosen.shape, generator=generator)
         hidden = torch.rand(len(chosen), generator=generator) < self.config.hidden
-        told = self.pieces_of_clips[chosen, which]
-        batch = ClipBatch(self.seen.take(chosen, "B"), self.seen.hands[others], told, hidden)
+        texts = self.pieces_of_clips[chosen, which]
+        batch = ClipBatch(self.seen.take(chosen, "B"), self.seen.hands[others], texts, hidden)
         return [batch.to(device)]
 
     @torch.no_grad()
@@ -211,9 +211,9 @@ class EncoderTask(Task):
         """Share of sentences of held-out clips that retrieve a wrong clip out of `POOL`."""
         clips = self.validation.take(slice(VALIDATED), "B")
         seen = Seen.of(clips)
-        told = model.sentences(self.numbers(clips.joined[:, 0].tolist()))
+        texts = model.sentences(self.numbers(clips.joined[:, 0].tolist()))
         generator = seeded_generator("validation")
-        found = retrieval(told, model.motions(seen), 1, pool=POOL, generator=generator)
+        found = retrieval(texts, model.motions(seen), 1, pool=POOL, generator=generator)
         return torch.tensor(1 - found, dtype=torch.float64)
 
     def record(self) -> dict[str, Any]:

@@ -66,9 +66,9 @@ def made_by_networks(
     parts = []
     for start in steps(range(0, len(sentences), BATCH), on_step):
         some = real.take(slice(start, start + BATCH), "B")
-        said = sentences[start : start + BATCH]
+        texts = sentences[start : start + BATCH]
         skeleton = some.skeleton
         parts.append(
-            sample_hands(networks, some.motion, skeleton, said, config, generator=generator)
+            sample_hands(networks, some.motion, skeleton, texts, config, generator=generator)
         )
     return concatenated(parts, "B")

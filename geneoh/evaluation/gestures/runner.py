@@ -68,7 +68,7 @@ class Conditions:
 
     real: Gestures
     sentences: list[str]
-    told: Float[Tensor, "B F"]  # features of the sentences
+    texts: Float[Tensor, "B F"]  # features of the sentences
     model: GestureEncoder
     fingers: FingerRange  # of the training clips
 
@@ -76,7 +76,7 @@ class Conditions:
         self, motion: BodyMotion, several: Float[Tensor, "P S F"] | None = None
     ) -> ScoredHands:
         """The features and measures of hands for these conditions; see `score_hands`."""
-        return score_hands(self.model, self.real, motion, self.told, self.fingers, several)
+        return score_hands(self.model, self.real, motion, self.texts, self.fingers, several)
 
 
 def evaluate_gestures(
@@ -96,19 +96,19 @@ def evaluate_gestures(
     networks = load_both2hands(options.weights)
     task = EncoderTask(options.encoder, training, held_out)
     model = trained(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
-    asked = conditions(options, task, model)
-    real = asked.real
+    chosen = conditions(options, task, model)
+    real = chosen.real
     seen = Seen.of(real), task.seen
     wrong = shuffled(real, generator=row_generator(options.seed, "shuffled"))
     scored = {
-        REAL: asked.scored(real.motion),
-        SHUFFLED: asked.scored(wrong),
-        "mean pose": asked.scored(mean_pose(real, training)),
-        "nearest training body": asked.scored(nearest_body(real, training, seen)),
+        REAL: chosen.scored(real.motion),
+        SHUFFLED: chosen.scored(wrong),
+        "mean pose": chosen.scored(mean_pose(real, training)),
+        "nearest training body": chosen.scored(nearest_body(real, training, seen)),
     }
     for name, branch in BRANCHES.items():
-        told = on_progress and partial(on_progress, name)
-        scored[name] = network_row(networks, asked, branch, options, told)
+        report = on_progress and partial(on_progress, name)
+        scored[name] = network_row(networks, chosen, branch, options, report)
     rows = repeat(scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES)
     settings = _settings_of(options, task, folder, len(real.body))
     about = _about_run(settings, _told_apart(scored[REAL], scored[SHUFFLED]))
@@ -122,14 +122,14 @@ def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder
     real = held_out.take(spread(len(held_out.body), count), "B")
     generator = row_generator(options.seed, "sentences")
     which = torch.randint(real.joined.shape[1], (count,), generator=generator).tolist()
-    said = [str(each[n]) for each, n in zip(real.joined, which, strict=True)]
-    told = model.sentences(task.numbers(said))
-    return Conditions(real, said, told, model, range_of(task.clips))
+    sentences = [str(each[n]) for each, n in zip(real.joined, which, strict=True)]
+    texts = model.sentences(task.numbers(sentences))
+    return Conditions(real, sentences, texts, model, range_of(task.clips))
 
 
 def network_row(
     networks: Both2HandsNetworks,
-    asked: Conditions,
+    chosen: Conditions,
     branch: Branch,
     options: GestureOptions,
     on_step: OnStep | None,
@@ -139,18 +139,18 @@ def network_row(
     make: Callable[..., BodyMotion] = partial(
         made_by_networks, networks, branch=branch, sampling_steps=options.steps, generator=generator
     )
-    motion = make(asked.real, asked.sentences, on_step=on_step)
-    prompts = min(options.prompts, len(asked.sentences))
+    motion = make(chosen.real, chosen.sentences, on_step=on_step)
+    prompts = min(options.prompts, len(chosen.sentences))
     some = torch.arange(prompts).repeat_interleave(options.answers)
-    again = asked.real.take(some, "B")
-    made = make(again, [asked.sentences[n] for n in some.tolist()])
-    several = asked.model.motions(Seen.moved(again, made)).unflatten(0, (prompts, options.answers))
-    return asked.scored(motion, several)
+    again = chosen.real.take(some, "B")
+    made = make(again, [chosen.sentences[n] for n in some.tolist()])
+    several = chosen.model.motions(Seen.moved(again, made)).unflatten(0, (prompts, options.answers))
+    return chosen.scored(motion, several)
 
 
 def _told_apart(real: ScoredHands, wrong: ScoredHands) -> float:
     """Share of sentences that are nearer to their real clip than to its body with wrong hands."""
-    apart, other = ((each.told - each.features).norm(dim=-1) for each in (real, wrong))
+    apart, other = ((each.texts - each.features).norm(dim=-1) for each in (real, wrong))
     return float((apart < other).float().mean())
 
 

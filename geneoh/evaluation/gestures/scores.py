@@ -56,7 +56,7 @@ def mean_of_counted(
 class ScoredHands(ClipFeatures):
     """Features and measures of B clips of a row."""
 
-    told: Float[Tensor, "B F"]  # features of the sentence of the condition
+    texts: Float[Tensor, "B F"]  # features of the sentence of the condition
     acceleration_mm: Float[Tensor, " B"]  # of finger joints, millimetres per frame squared
     beyond: Float[Tensor, " B"]  # `share_beyond`
     several: Float[Tensor, "P S F"]  # features of S samples for each of P conditions
@@ -66,7 +66,7 @@ def score_hands(
     model: GestureEncoder,
     real: Gestures,
     motion: BodyMotion,
-    told: Float[Tensor, "B F"],
+    texts: Float[Tensor, "B F"],
     fingers: FingerRange,
     several: Float[Tensor, "P S F"] | None = None,
 ) -> ScoredHands:
@@ -78,10 +78,10 @@ def score_hands(
     moved = per_frame_squared(acceleration(joints, FPS), FPS)
     return ScoredHands(
         model.motions(Seen.moved(real, motion)),
-        told,
+        texts,
         mean_of_counted(moved, real.before_end[:, 2:]),  # value t is made of frames up to t + 2
         share_beyond(fingers, motion, real.before_end),
-        told.new_zeros(0, 0, told.shape[1]) if several is None else several,
+        texts.new_zeros(0, 0, texts.shape[1]) if several is None else several,
     )
 
 
@@ -91,7 +91,7 @@ Score = Callable[[ScoredHands, ScoredHands, torch.Generator], float]
 
 def _retrieved(count: int) -> Score:
     return lambda part, _, drawn: (
-        100 * retrieval(part.told, part.features, count, pool=POOL, generator=drawn)
+        100 * retrieval(part.texts, part.features, count, pool=POOL, generator=drawn)
     )
 
 
@@ -112,7 +112,7 @@ SCORES: dict[str, Score] = {
     "top2": _retrieved(2),
     "top3": _retrieved(3),
     "fid": lambda part, other, _: frechet_distance(other.features, part.features),
-    "mm_distance": lambda part, _, __: float((part.told - part.features).norm(dim=-1).mean()),
+    "mm_distance": lambda part, _, __: float((part.texts - part.features).norm(dim=-1).mean()),
     "diversity": lambda part, _, drawn: diversity(part.features, generator=drawn),
     "multimodality": _several,
     "acceleration_mm": lambda part, _, __: float(part.acceleration_mm.mean()),

@@ -55,14 +55,14 @@ class Protocol:
         """Environment variable that holds the root folder of the user's copy."""
         return f"GENEOH_DATA_{self.source.upper()}"
 
-    def root(self, given: Path | None) -> Path | None:
+    def root(self, chosen: Path | None) -> Path | None:
         """The root folder from the option or else from the environment."""
         named = os.environ.get(self.variable)
-        return given or (Path(named) if named else None)
+        return chosen or (Path(named) if named else None)
 
-    def files(self, given: Path | None) -> list[SourceClip]:
+    def files(self, chosen: Path | None) -> list[SourceClip]:
         """The test files of the user's copy; `MissingAssetError` if there is no copy."""
-        root, about = self.root(given), SOURCES[self.source]
+        root, about = self.root(chosen), SOURCES[self.source]
         folder = None if root is None else root.resolve() / self.folder
         found = about.reader().find(folder) if folder and folder.exists() else []
         if found:

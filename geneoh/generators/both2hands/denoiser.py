@@ -89,7 +89,7 @@ class HandsDenoiser(nn.Module):
         return self.config.noise * cosine_levels(self.scale.size.device)
 
     def denoised(
-        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: EncodedBody
+        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], condition: EncodedBody
     ) -> Float[Tensor, "B T 270"]:
         """Prediction of the clean features in `x` = clean + sigma * noise, under a condition.
 
@@ -98,15 +98,15 @@ class HandsDenoiser(nn.Module):
         sigma = self.sigmas[level.long()]
         steps = self.steps(x / (1 + sigma.square()).sqrt()[:, None, None])
         tokens = each_by_its_own(self.inputs, steps).flatten(1, 2)
-        tokens = tokens if told.added is None else tokens + told.added
-        first = told.tokens.shape[1]
-        tokens = torch.cat([told.tokens, tokens], dim=1)
+        tokens = tokens if condition.added is None else tokens + condition.added
+        first = condition.tokens.shape[1]
+        tokens = torch.cat([condition.tokens, tokens], dim=1)
         if isinstance(self.trunk, PaperTransformer):
             tokens = self.trunk(tokens, level)
         else:
             step = torch.arange(1, steps.shape[1] + 1, device=x.device).repeat_interleave(2)
             place = torch.cat([step.new_zeros(first), step]).to(x)
-            seen = nn.functional.pad(told.seen, (0, len(step)), value=True)
+            seen = nn.functional.pad(condition.seen, (0, len(step)), value=True)
             tokens = self.trunk(tokens, 0.25 * sigma.clamp(min=1e-4).log(), place, seen)
         after = tokens[:, first:].unflatten(1, (-1, self.parts))
         return self.frames_of(each_by_its_own(self.outputs, after))[:, : x.shape[1]]
@@ -133,9 +133,9 @@ def each_by_its_own(
     return torch.stack([layer(part) for layer, part in pairs], dim=2)
 
 
-def of_whole(told: Float[Tensor, "B D"]) -> EncodedBody:
+def of_whole(condition: Float[Tensor, "B D"]) -> EncodedBody:
     """A condition of one token."""
-    return EncodedBody(told[:, None], torch.ones_like(told[:, :1], dtype=torch.bool))
+    return EncodedBody(condition[:, None], torch.ones_like(condition[:, :1], dtype=torch.bool))
 
 
 class BodyHands(HandsDenoiser):
@@ -168,18 +168,18 @@ class TextHands(HandsDenoiser):
         self.each = nn.Linear(config.words.width, config.width) if ours and self.words else None
         self.named = nn.Linear(config.width, 2 * config.gestures) if ours else None
 
-    def encode(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> EncodedBody:
+    def encode(self, sentence: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> EncodedBody:
         """Encode sentences (piece indices, or vectors of an external encoder) for `denoised`."""
         if self.words is None:
-            return of_whole(self.text(said))
-        vector, states, real = self.words.read_pieces(said)
+            return of_whole(self.text(sentence))
+        vector, states, real = self.words.read_pieces(sentence)
         whole = self.text(vector)
         if self.each is None:
             return of_whole(whole)
         tokens = torch.cat([whole[:, None], self.each(states)], dim=1)
         return EncodedBody(tokens, nn.functional.pad(real, (1, 0), value=True))
 
-    def gestures(self, told: EncodedBody) -> Float[Tensor, "B 2 G"]:
+    def gestures(self, condition: EncodedBody) -> Float[Tensor, "B 2 G"]:
         """Logits of the gestures of the left and the right hand that a sentence names."""
         assert self.named is not None, "the paper's form names no gestures"
-        return self.named(told.tokens[:, 0]).unflatten(-1, (2, -1))
+        return self.named(condition.tokens[:, 0]).unflatten(-1, (2, -1))

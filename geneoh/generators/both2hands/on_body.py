@@ -79,10 +79,10 @@ class BodyWithHands:
     def wrists_apart(self) -> float:
         """Largest distance between a wrist of the body and that of its hand track, metres."""
         places = pose(self.body.skeleton, self.body.file_motion).positions
-        off = (
+        change = (
             places[:, WRISTS[h.side]] - h.wrist for h in self.sequence.hands if h.wrist is not None
         )
-        return max(float(each.norm(dim=-1).max()) for each in off)
+        return max(float(each.norm(dim=-1).max()) for each in change)
 
 
 @checked_call
@@ -113,8 +113,8 @@ def generate_on_body(
         ConfigError: the options are invalid, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
-    asked, sentence = BodyOptions() if options is None else options, " ".join(sentence.split())
-    options = given_options(asked, BodyOptions, "geneoh.generate_on_body")
+    chosen, sentence = BodyOptions() if options is None else options, " ".join(sentence.split())
+    options = given_options(chosen, BodyOptions, "geneoh.generate_on_body")
     device = named_device(options.device)
     check_sentence(sentence)
     if not isinstance(held, ObjectTrack | None):
@@ -154,15 +154,15 @@ def generate_on_body(
     return BodyWithHands(with_hands(body, sequence), sequence, sentence, refined)
 
 
-def body_of(given: BodyRecording | Path | str) -> BodyRecording:
+def body_of(recording: BodyRecording | Path | str) -> BodyRecording:
     """The body itself, or the one in the named file; `InputError` for another type."""
-    if isinstance(given, BodyRecording):
-        return given
-    if isinstance(given, Path | str):
-        return read_body(given)
+    if isinstance(recording, BodyRecording):
+        return recording
+    if isinstance(recording, Path | str):
+        return read_body(recording)
     raise InputError(
         "geneoh.generate_on_body takes a sentence, then a body or its file, got "
-        f"{type(given).__name__}; geneoh.readers.bodies.read.read_body reads one"
+        f"{type(recording).__name__}; geneoh.readers.bodies.read.read_body reads one"
     )
 
 
@@ -178,8 +178,8 @@ def _cleaned(
         for hand in sequence.hands
         if bool((distance_to_object(hand, sequence.object) < TOUCHING_REACH).any())
     ]
-    given = replace(sequence, hands=tuple(near) or sequence.hands)
-    refined = denoise(given, options, on_progress=on_progress)
+    near_object = replace(sequence, hands=tuple(near) or sequence.hands)
+    refined = denoise(near_object, options, on_progress=on_progress)
     hands = {hand.side: hand for hand in (*sequence.hands, *refined.sequence.hands)}
     whole = replace(refined.sequence, hands=tuple(hands.values()), source=sequence.source)
     return whole, refined

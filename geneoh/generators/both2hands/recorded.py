@@ -51,10 +51,10 @@ def recorded_gestures(
     path: Path,
     *,
     model: Path | None = None,
-    told: bool = True,
+    with_text: bool = True,
     on_step: OnStep | None = None,
 ) -> TrainingData[Gestures]:
-    """The clips of a body data set in a folder or file; if `told`, only those with sentences.
+    """The clips of a body data set in a folder or file; if `with_text`, only those with sentences.
 
     The bones are those of `model`, the user's SMPL-H or SMPL-X model, else of a typical adult.
 
@@ -67,21 +67,21 @@ def recorded_gestures(
     for file in steps(body_files(source, path), on_step):
         try:
             for each in read_source_bodies(source, file, model):
-                windows += windows_of(each, told, left_out)
+                windows += windows_of(each, with_text, left_out)
         except GeneOHError as error:
             problems.append(f"not read, {error}")
     reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
-    if not any(window.sentences or not told for window in windows):
+    if not any(window.sentences or not with_text for window in windows):
         if problems and not left_out:
             raise InputError(problems[0].removeprefix("not read, "))
-        wanted = "fingers and sentences on them" if told else "fingers"
+        wanted = "fingers and sentences on them" if with_text else "fingers"
         raise InputError(
             f"{path}: expected recordings of {source} with {wanted}, got none ({reasons}); check "
             "that the data set is whole"
         )
     groups_held = held_names([[window.group for window in windows]])
     held = torch.tensor([window.group in groups_held for window in windows])
-    kept = [n for n, window in enumerate(windows) if window.sentences or not told]
+    kept = [n for n, window in enumerate(windows) if window.sentences or not with_text]
     windows, held = [windows[n] for n in kept], held[kept]
     clips, divided = _joined(windows), bool(held.any() and not held.all())
     parts = [clips.take(some, "B") for some in ((~held, held) if divided else (slice(None),) * 2)]
@@ -95,15 +95,15 @@ def recorded_gestures(
     return TrainingData(parts[0], parts[1], made, (about, *problems))
 
 
-def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:
+def windows_of(each: SourceBody, with_text: bool, left_out: Counter[str]) -> list[Window]:
     """The windows of a recording; if it cannot be used, `left_out` counts the reason.
 
-    Windows without sentences are included, so that the validation split does not depend on `told`.
+    Windows without sentences are included, so that `with_text` does not change the split.
     """
     paced = body_at_rate(each.body, FPS)
     reason = reason_against(paced)
     found = [] if reason else list(cut(each, paced))
-    if told and found and not any(window.sentences for window in found):
+    if with_text and found and not any(window.sentences for window in found):
         reason = "without sentences"
     if reason:
         left_out[reason] += 1
@@ -127,8 +127,8 @@ def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:
     for start in ClipWindows.of(max(paced.frames, FRAMES)).starts:
         at = [round((start + share * (count - 1)) * each.body.fps / FPS) for share in (0, 0.5, 1)]
         shown = (each.by_frame.get(frame, "") for frame in at)
-        said = dict.fromkeys((*each.body.sentences, *shown))
-        sentences = tuple(sentence for sentence in said if words_of(sentence))
+        texts = dict.fromkeys((*each.body.sentences, *shown))
+        sentences = tuple(sentence for sentence in texts if words_of(sentence))
         clip = clip_of(paced.skeleton.offsets, motion[start : start + count])
         yield Window(clip, sentences, each.group)
 
@@ -154,7 +154,7 @@ def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:
 def _joined(windows: Sequence[Window]) -> Gestures:
     """All clips as one batch; sentences of a clip are repeated up to the largest number of any."""
     most = max(1, *(len(window.sentences) for window in windows))
-    said = [window.sentences or ("",) for window in windows]
-    rows = [[each[n % len(each)] for n in range(most)] for each in said]
+    texts = [window.sentences or ("",) for window in windows]
+    rows = [[each[n % len(each)] for n in range(most)] for each in texts]
     clips = concatenated((window.clip for window in windows), "B")
     return Gestures(**{**vars(clips), "joined": np.array(rows)})

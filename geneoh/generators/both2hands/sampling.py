@@ -51,7 +51,7 @@ class Process:
     networks: Both2HandsNetworks
     windows: ClipWindows
     scene: PlacedBodies
-    told: tuple[EncodedBody, EncodedBody]  # conditions of the body's and of the text network
+    conditions: tuple[EncodedBody, EncodedBody]  # conditions of the body's and of the text network
     config: Both2HandsSampling
     generator: torch.Generator
     on_step: OnStep | None
@@ -74,12 +74,12 @@ class Process:
     def of_body(self) -> Float[Tensor, "B T 270"]:
         """Hands that the network of the body makes alone."""
         network = self.networks.body
-        return self.run(network, lambda x, level: network.denoised(x, level, self.told[0]))
+        return self.run(network, lambda x, level: network.denoised(x, level, self.conditions[0]))
 
     def of_text(self) -> Float[Tensor, "B T 270"]:
         """Hands that the network of the sentence makes alone, brought onto the bodies."""
         network = self.networks.text
-        found = self.run(network, lambda x, level: network.denoised(x, level, self.told[1]))
+        found = self.run(network, lambda x, level: network.denoised(x, level, self.conditions[1]))
         found = hands_of_text(self.networks.body, network, self.windows.cut(found), self.scene)
         return self.windows.join(found)
 
@@ -88,7 +88,7 @@ class Process:
     ) -> Float[Tensor, "W F 270"]:
         """Predictions of both networks for the same noisy hands, blended and with guidance."""
         body, text, blend = self.networks.body, self.networks.text, self.networks.blend
-        of_body, of_text = both_answers(body, text, (x, x), level, self.told, self.scene)
+        of_body, of_text = both_answers(body, text, (x, x), level, self.conditions, self.scene)
         return torch.lerp(of_body, blend(of_body, of_text, level), self.config.guidance)
 
     def run(self, network: HandsDenoiser, answer: Answer) -> Float[Tensor, "B T 270"]:
@@ -138,10 +138,10 @@ def sample_hands(
     windows = ClipWindows.of(moved.root.shape[1])
     skeletons = Skeleton(skeleton.offsets.to(device).expand(count, -1, -1))
     scene = PlacedBodies.of(skeletons.map(windows.repeat), moved.map(windows.cut))
-    said = windows.repeat(networks.speech(sentences).to(device))
-    told = body.encode(scene.body), networks.text.encode(said)
+    text = windows.repeat(networks.speech(sentences).to(device))
+    conditions = body.encode(scene.body), networks.text.encode(text)
     config = config or Both2HandsSampling()
-    process = Process(networks, windows, scene, told, config, generator, on_step)
+    process = Process(networks, windows, scene, conditions, config, generator, on_step)
     features = body.scale.denormalise(finite_output(process.hands()))
     if body.config.frame == "wrist":
         features = smoothed_clips(features, config.smoothing)

@@ -60,7 +60,7 @@ def both_answers(
     text: TextHands,
     noisy: tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]],
     level: Float[Tensor, " B"],
-    told: tuple[EncodedBody, EncodedBody],
+    conditions: tuple[EncodedBody, EncodedBody],
     scene: PlacedBodies,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """Clean hands predicted by both networks, both normalised as in the body's network.
@@ -68,6 +68,6 @@ def both_answers(
     `noisy` are the noisy hands for the body's and for the text network, equal if both networks
     share one reverse process.
     """
-    of_body = body.denoised(noisy[0], level, told[0])
-    of_text = text.denoised(noisy[1], level, told[1])
+    of_body = body.denoised(noisy[0], level, conditions[0])
+    of_text = text.denoised(noisy[1], level, conditions[1])
     return of_body, hands_of_text(body, text, of_text, scene)

@@ -39,8 +39,8 @@ def check_sentence(sentence: str) -> None:
 @cache
 def known_gesture_words() -> frozenset[str]:
     """Words for what hands do: those of synthetic gestures, of bodies, and of objects."""
-    said = said_of_gestures()
-    verbs = [form for phrase in said for part in phrase.split(" and ") for form in forms(part)]
+    phrases = said_of_gestures()
+    verbs = [form for phrase in phrases for part in phrase.split(" and ") for form in forms(part)]
     return prompt.known_words().union(BODY_WORDS.split(), " ".join(verbs).split())
 
 
@@ -56,7 +56,7 @@ def refuse_contradiction(sentence: str) -> None:
     A clause without a side is about the hands of the clause before; the first one is about both. A
     verb is ruled out only at the end of its clause: "does not point down" allows pointing up.
     """
-    said: set[tuple[str, str]] = set()
+    named: set[tuple[str, str]] = set()
     ruled_out: set[tuple[str, str]] = set()
     sides: tuple[str, ...] = SIDES
     for clause in _CLAUSE.split(sentence):
@@ -68,10 +68,10 @@ def refuse_contradiction(sentence: str) -> None:
         for at, word in enumerate(words):
             of_sides = {(_verbs()[word], side) for side in sides if word in _verbs()}
             if at not in denied:
-                said |= of_sides
+                named |= of_sides
             elif at == len(words) - 1:
                 ruled_out |= of_sides
-    for verb, side in sorted(said & ruled_out):
+    for verb, side in sorted(named & ruled_out):
         both = f"the {side} one is to {verb} and is not to {verb}"
         raise refused(sentence, f"what hands do, found that {both}; keep one of them")
 

@@ -49,7 +49,7 @@ class LearnedBodies:
                 cast(BodySource, source),
                 path,
                 model=self.skeleton,
-                told=stage != "body_hands",
+                with_text=stage != "body_hands",
                 on_step=on_progress and partial(on_progress, source),
             )
         return made_data(path, read_gestures, DEFAULTS)
@@ -121,8 +121,8 @@ def scaled_as(
 
 def sentence_vocabulary(clips: Gestures, pieces: int) -> Tokenizer:
     """At most `pieces` pieces of words, learned on all sentences of clips."""
-    said = [clips.left, clips.right, clips.joined.ravel()]
-    return learned_pieces((str(each) for some in said for each in some), pieces)
+    sentences = [clips.left, clips.right, clips.joined.ravel()]
+    return learned_pieces((str(each) for some in sentences for each in some), pieces)
 
 
 def _silence(sentences: Sequence[str]) -> torch.Tensor:

@@ -48,7 +48,7 @@ class GestureSamples(Bundle):
 
     features: Features
     real: Bool[Tensor, "B T"]  # frames before the end of the clip
-    said: Tensor  # indices of pieces (B, N), or vectors (B, W)
+    sentence: Tensor  # indices of pieces (B, N), or vectors (B, W)
     gesture: Int[Tensor, "B 2"]  # of the left and the right hand; -1: unknown
     scene: PlacedBodies | None = None  # for the blend alone
 
@@ -111,13 +111,13 @@ class HandsTask(SamplesTask):
         data = self.data.training if training else self.data.validation
         pick = draws.integers(0, len(data.length))
         which = draws.integers(0, data.joined.shape[1])
-        said = self.speech([str(data.joined[n, m]) for n, m in zip(pick, which, strict=True)])
+        sentence = self.speech([str(data.joined[n, m]) for n, m in zip(pick, which, strict=True)])
         real, gesture = data.before_end[pick], data.gesture[pick]
         if self.name == "blend":
             scene = scene_of(data.take(pick, "B"), self.frame)
-            return GestureSamples(Features.of(scene, self.frame), real, said, gesture, scene)
+            return GestureSamples(Features.of(scene, self.frame), real, sentence, gesture, scene)
         kept = self.kept if training else self.kept_validation
-        return GestureSamples(kept.take(pick, "B").map(Tensor.float), real, said, gesture)
+        return GestureSamples(kept.take(pick, "B").map(Tensor.float), real, sentence, gesture)
 
     def learned_from(self) -> dict[str, Any]:
         """Fingerprints of the clips, by lengths and last poses, of their sentences and of the
@@ -162,12 +162,12 @@ def _denoised(
     clean = network.scale.normalise(samples.features.hands)
     level = draws.integers(1, len(network.sigmas)).to(clean.device)
     if isinstance(network, BodyHands):
-        told = network.encode(samples.features.body)
+        condition = network.encode(samples.features.body)
     else:
         assert isinstance(network, TextHands), "a network is told the body or a sentence"
-        told = network.encode(samples.said)
+        condition = network.encode(samples.sentence)
     noisy = clean + network.sigmas[level][:, None, None] * draws.like(clean)
-    return network.denoised(noisy, level.float(), told), clean
+    return network.denoised(noisy, level.float(), condition), clean
 
 
 def blended_answers(
@@ -192,8 +192,8 @@ def blended_answers(
         own = text.scale.normalise(hand_features(scene.posed, "wrist"))
         other = own + text.sigmas[level][:, None, None] * draws.like(own)
     with torch.no_grad():
-        told = body.encode(samples.features.body), text.encode(samples.said)
-        answers = both_answers(body, text, (noisy, other), level.float(), told, scene)
+        condition = body.encode(samples.features.body), text.encode(samples.sentence)
+        answers = both_answers(body, text, (noisy, other), level.float(), condition, scene)
     target = clean if config.target == "hands" else blender.mean(*answers)
     return blender(*answers, level.float()), target
 
@@ -206,9 +206,9 @@ def hands_loss(
 ) -> Float[Tensor, ""]:
     """Mean error of the features of real frames, plus that of their differences between frames."""
 
-    def mean(error: Tensor, told: Tensor) -> Tensor:
+    def mean(error: Tensor, frames: Tensor) -> Tensor:
         size = error.square() if config.error == "squared" else error.abs()
-        return (size.mean(-1) * told).sum() / told.sum().clamp(min=1)
+        return (size.mean(-1) * frames).sum() / frames.sum().clamp(min=1)
 
     error = found - clean
     loss = mean(error, real)
@@ -219,7 +219,7 @@ def hands_loss(
 
 def naming_loss(network: TextHands, samples: GestureSamples) -> Float[Tensor, ""]:
     """Cross-entropy of each hand's gesture, as the network names it from the sentence alone."""
-    scores = network.gestures(network.encode(samples.said)).flatten(0, 1)
+    scores = network.gestures(network.encode(samples.sentence)).flatten(0, 1)
     known = samples.gesture.flatten() >= 0
     taken = functional.cross_entropy(scores[known], samples.gesture.flatten()[known])
     return taken if bool(known.any()) else scores.sum() * 0

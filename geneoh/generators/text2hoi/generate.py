@@ -127,11 +127,11 @@ def generate(
         ConfigError: the options are invalid, or they name no device of this machine.
         CheckpointError: weights are missing or damaged.
     """
-    asked = GenerateOptions() if options is None else options
-    options = given_options(asked, GenerateOptions, "geneoh.generate")
+    chosen = GenerateOptions() if options is None else options
+    options = given_options(chosen, GenerateOptions, "geneoh.generate")
     device = named_device(options.device)
     meshes = meshes_of(mesh)
-    given = asked_joint(meshes, joint)
+    known = asked_joint(meshes, joint)
     prompt = read_prompt(sentence, frames=options.frames, jointed=len(meshes) > 1)
     networks = load_text2hoi(options.weights, text_encoder=options.text_encoder, device=device)
     points = seeded_generator(options.seed, "points")
@@ -140,13 +140,13 @@ def generate(
     jointed: JointedObject | None = None
     if len(meshes) == 2 and prompt.verb in JOINTED:
         pair = meshes[0], meshes[1]
-        jointed, notes = JointedObject.of(pair, stood, given, closes=prompt.verb == "close")
+        jointed, notes = JointedObject.of(pair, stood, known, closes=prompt.verb == "close")
     objects = objects_of(stood) if jointed is None else jointed.objects
     frames = options.frames or prompt.frames or _length_of(networks, prompt, options)
     actions, contact = sample_actions(
         networks,
         objects.to(device),
-        [prompt.told],
+        [prompt.network_text],
         [prompt.hands],
         torch.tensor([frames]),
         Text2HoiSampling(steps=options.steps, guidance=options.guidance, draws=options.draws),
@@ -192,7 +192,7 @@ def generate(
 
 def _length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:
     """A random number of frames that suits the sentence."""
-    text = networks.text.encode([prompt.told])
+    text = networks.text.encode([prompt.network_text])
     return int(networks.length.sample(text, generator=seeded_generator(options.seed, "length")))
 
 

@@ -87,8 +87,8 @@ def sample_actions(
         return drawn, contact
     fits = None
     if giver is not None:
-        asked: list[Side | None] = [giver[int(clip)] for clip in clips]
-        fits = passed_by(drawn, asked, config.draws)
+        givers: list[Side | None] = [giver[int(clip)] for clip in clips]
+        fits = passed_by(drawn, givers, config.draws)
     if fitting is not None:
         fits = fitting(drawn)
     kept = best_draws(drawn, config.draws, fits)
@@ -120,7 +120,7 @@ def condition_of(
 ) -> Condition:
     """The condition of the interaction network; contact maps are binary for the paper's form."""
     device = objects.points.device
-    told = torch.ones(len(text), dtype=torch.bool, device=device)
+    given_all = torch.ones(len(text), dtype=torch.bool, device=device)
     sides = [TAKING_PART[each] for each in hands]
     return Condition(
         text,
@@ -128,8 +128,8 @@ def condition_of(
         (contact > 0.5).to(contact) if network.config.form == "paper" else contact,
         torch.tensor(sides, device=device),
         torch.arange(int(lengths.max()), device=device) < lengths[:, None],
-        told,
-        told,
+        given_all,
+        given_all,
     )
 
 
@@ -142,12 +142,12 @@ def drawn_numbers(
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "B T 208"]:
     """Normalised features sampled by the reverse process, with guidance."""
-    told, guided = network.encode(condition), config.guidance != 1
-    untold = network.encode(condition.without_text()) if guided else told
+    encoded, guided = network.encode(condition), config.guidance != 1
+    untold = network.encode(condition.without_text()) if guided else encoded
 
     def answer(x: Tensor, level: Tensor) -> Tensor:
         level = level.expand(len(x))
-        found = network.denoised(x, level, told)
+        found = network.denoised(x, level, encoded)
         if guided:
             without = network.denoised(x, level, untold)
             found = without + config.guidance * (found - without)

@@ -33,15 +33,15 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     if len(sequence.hands) != 2 or not all(bool(h.observed.any()) for h in sequence.hands):
         return sequence, ()
     one, other = with_confidence(sequence.hands)
-    said = tuple(same_place(one, other))
+    notes = tuple(same_place(one, other))
     frames = exchanged(one, other)
     count = int(frames.sum())
     if not count or _fields_of(one) != _fields_of(other):
-        return sequence, said
+        return sequence, notes
     where = numbered(count, "frame")
     words = f"the left and the right hand are exchanged in {where}: each got what the other had"
     hands = (with_frames_of(one, other, frames), with_frames_of(other, one, frames))
-    return replace(sequence, hands=hands), (*said, words)
+    return replace(sequence, hands=hands), (*notes, words)
 
 
 def with_confidence(hands: tuple[HandTrack, ...]) -> tuple[HandTrack, ...]:

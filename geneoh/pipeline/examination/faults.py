@@ -52,8 +52,8 @@ ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # the trivial symmetry gr
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence with faulty frames marked as missing, and sentences for the user."""
     found = [without_faults_of(hand, sequence.fps, sequence.object) for hand in sequence.hands]
-    said = tuple(words for _, each in found for words in each)
-    return replace(sequence, hands=tuple(hand for hand, _ in found)), said
+    notes = tuple(words for _, each in found for words in each)
+    return replace(sequence, hands=tuple(hand for hand, _ in found)), notes
 
 
 def without_faults_of(
@@ -61,15 +61,15 @@ def without_faults_of(
 ) -> tuple[HandTrack, tuple[str, ...]]:
     """One hand with its faulty frames marked as missing, and sentences for the user."""
     hand, words = without_strays(hand)
-    said = list(words)
+    notes = list(words)
     for frames, fault, of_fingers in faults(hand, fps, motion):
         if of_fingers:
             hand, cure = _with_other_fingers(hand, frames), "got those of the frames around"
         else:
             hand, cure = replace(hand, valid=hand.valid & ~frames), "taken as missing"
         where = numbered(int(frames.sum()), "frame")
-        said.append(f"the {hand.side} hand {fault} in {where}: {cure}")
-    return hand, tuple(said)
+        notes.append(f"the {hand.side} hand {fault} in {where}: {cure}")
+    return hand, tuple(notes)
 
 
 def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:

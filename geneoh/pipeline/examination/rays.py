@@ -77,8 +77,8 @@ def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | No
     jitter = float((second @ direction).abs().median()) / NORMAL_MEDIAN
     white = float((fourth @ direction).abs().median()) / NORMAL_MEDIAN
     least = LEAST_JITTER * max(1.0, 30 / fps) ** 2
-    told = 1 + CHANCE / sqrt(min(len(second), MOST_COUNTED))
-    if ratio < told or white < max(least, WHITE * jitter):
+    significant = 1 + CHANCE / sqrt(min(len(second), MOST_COUNTED))
+    if ratio < significant or white < max(least, WHITE * jitter):
         return None
     return FoundRay(direction.to(middle), sqrt(ratio))
 
@@ -88,16 +88,16 @@ def with_found_rays(sequence: Sequence, chosen: Preset) -> tuple[Sequence, list[
 
     The object of `sequence` must have its cleaned poses.
     """
-    hands, said = list(sequence.hands), []
+    hands, notes = list(sequence.hands), []
     for index, hand in enumerate(hands):
         ray = hand.camera_ray if chosen.camera_told else None
         if ray is None and chosen.camera_found and chosen.has_object:
             found = found_ray(hand, sequence.object, sequence.fps)
             if found is not None:
                 ray = found.direction.expand(hand.frames, 3)
-                said.append(found.sentence(hand.side))
+                notes.append(found.sentence(hand.side))
         hands[index] = replace(hand, camera_ray=ray)
-    return replace(sequence, hands=tuple(hands)), said
+    return replace(sequence, hands=tuple(hands)), notes
 
 
 def bends(

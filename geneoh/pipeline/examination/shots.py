@@ -101,10 +101,10 @@ def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
 
 def _said(notes: list[tuple[str, ...]], shots: list[slice]) -> tuple[str, ...]:
     """Notes that all shots share once, and others with the frames of their shot."""
-    said: dict[str, None] = {}
+    sentences: dict[str, None] = {}
     for own, shot in zip(notes, shots, strict=True):
         frames = f"frames {shot.start} to {shot.stop - 1}"
         for words in own:
             everywhere = all(words in each for each in notes)
-            said[words if everywhere else f"{frames}: {words}"] = None
-    return tuple(said)
+            sentences[words if everywhere else f"{frames}: {words}"] = None
+    return tuple(sentences)

@@ -32,8 +32,8 @@ def without_strays(hand: HandTrack) -> tuple[HandTrack, tuple[str, ...]]:
     if not bool(stray.any()):
         return hand, ()
     count, frames = int(stray.sum()), numbered(int(stray.any(-1).sum()), "frame")
-    said = f"the {hand.side} hand has {numbered(count, 'keypoint')} apart from it in {frames}"
-    return replace(hand, confidence=hand.trust * ~stray), (f"{said}: taken as missing",)
+    note = f"the {hand.side} hand has {numbered(count, 'keypoint')} apart from it in {frames}"
+    return replace(hand, confidence=hand.trust * ~stray), (f"{note}: taken as missing",)
 
 
 def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bool[Tensor, "T 21"]:
@@ -45,10 +45,10 @@ def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bo
     usual = length.nanmedian(0).values
     # the scale of a hand varies with the depth that an estimator assumes
     size = (length / usual).nanmedian(1, keepdim=True).values
-    off = (length - size * usual).abs()
-    broken = off > (DEVIATIONS * 1.4826 * off.nanmedian(0).values).clamp(min=LEAST_ERROR)
-    found, here = torch.zeros_like(trusted), (~off.isnan()).to(joints)
-    mean = (off.nan_to_num() @ ends) / (here @ ends).clamp(min=1)
+    error = (length - size * usual).abs()
+    broken = error > (DEVIATIONS * 1.4826 * error.nanmedian(0).values).clamp(min=LEAST_ERROR)
+    found, here = torch.zeros_like(trusted), (~error.isnan()).to(joints)
+    mean = (error.nan_to_num() @ ends) / (here @ ends).clamp(min=1)
     for _ in range(MOST + 1):
         # the keypoint with most wrong distances; ties go to the largest mean deviation
         worst = (broken.to(joints) @ ends + mean / (mean.amax(-1, keepdim=True) + 1)).argmax(-1)

@@ -42,8 +42,8 @@ def without_jitter_over_object(
     frame, in which a hand that holds rests, however fast both move.
     """
     turn, place = context.rotation[:, 0], context.translation[:, 0, None]
-    local, given = (samples - place) @ turn, (observed - place) @ turn
-    if not (noisy := share_of_jitter(given, QUIET, NOISY)):
+    local, seen = (samples - place) @ turn, (observed - place) @ turn
+    if not (noisy := share_of_jitter(seen, QUIET, NOISY)):
         return samples
     left = [share_of_jitter(each, STEADY, SHAKY) for each in context.cut(local.mean(0), 0)]
     if not any(left):

@@ -76,12 +76,12 @@ def denoise_trajectory(
 
 def _closest(
     each: Float[Tensor, "C W T 21 3"],
-    given: Float[Tensor, "W T 21 3"],
+    observed: Float[Tensor, "W T 21 3"],
     trust: Float[Tensor, "W T 21"],
     count: int,
 ) -> Float[Tensor, "S W T 21 3"]:
     """The `count` chains of each window that are closest to the trusted input, closest first."""
-    order = (trust * (each - given).norm(dim=-1)).mean((2, 3)).argsort(0)[:count]
+    order = (trust * (each - observed).norm(dim=-1)).mean((2, 3)).argsort(0)[:count]
     return each[order, torch.arange(each.shape[1], device=each.device)]
 
 

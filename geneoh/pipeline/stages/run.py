@@ -117,9 +117,9 @@ class StageRun:
         self, context: StageContext, preset: Preset
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"] | None]:
         """MotionDiff and SpatialDiff on hand parameters."""
-        given = self.given
-        turn, fingers = given.rotations[..., 0, :, :], given.pose[..., 1:, :]
-        observed = HandParameters(given.wrist, turn, fingers, self.subject.offsets)
+        start = self.given
+        turn, fingers = start.rotations[..., 0, :, :], start.pose[..., 1:, :]
+        observed = HandParameters(start.wrist, turn, fingers, self.subject.offsets)
         hand = repeated(observed, preset.samples)
         if preset.motion is not None:
             hand = denoise_motion(

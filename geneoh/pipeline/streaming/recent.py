@@ -115,14 +115,14 @@ class RecentHand:
         track, _ = without_faults_of(track, NETWORK_FPS, motion)
         surface = self._placed(motion)
         subject = self._subject(track, surface)
-        given = self._parameters(subject, track, first, frames_alike(whole, track))
-        subject = subject.completed(given)
+        parameters = self._parameters(subject, track, first, frames_alike(whole, track))
+        subject = subject.completed(parameters)
         ray = self._ray(track, motion)
         surface, poses, near, noise = self._object(motion, surface, subject, ray)
         stages = RecentRun(
             self._denoisers,
             subject,
-            given,
+            parameters,
             timed(None, {}),
             self._generator,
             place=self._place,
@@ -140,7 +140,7 @@ class RecentHand:
         )
         target = self._blended(samples.mean(0), first)
         evidence = near * poses
-        state, joints = self._fitted(subject, given, target, surface, evidence, first, stop)
+        state, joints = self._fitted(subject, parameters, target, surface, evidence, first, stop)
         new = slice(self._done - first, stop - first)
         spread = joint_spread(samples, alone=1 - evidence)[new] if len(samples) > 1 else None
         made = clean_track(state, joints, subject.betas, self._model.name, spread)
@@ -263,7 +263,7 @@ class RecentHand:
     def _fitted(
         self,
         subject: Subject,
-        given: HandState,
+        parameters: HandState,
         target: Float[Tensor, "T 21 3"],
         surface: MovingSurface | None,
         evidence: Float[Tensor, " T"],
@@ -273,7 +273,7 @@ class RecentHand:
         """Pose parameters and keypoints of the new frames, continued from the returned ones."""
         held = 0 if self._out is None else self._out.wrist.shape[1]
         cut = slice(self._done - held - first, min(stop + AHEAD, self._pushed) - first)
-        start, wanted = given[cut], target[None, cut].clone()
+        start, wanted = parameters[cut], target[None, cut].clone()
         trust = torch.ones_like(wanted[..., 0])
         if self._out is not None:
             start = concatenated([self._out, start[held:]])

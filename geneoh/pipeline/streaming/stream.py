@@ -106,8 +106,8 @@ class Stream:
             ConfigError: a setting is out of range, or not available in a stream.
             MissingAssetError: a MANO hand is requested and there is no MANO file.
         """
-        asked = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
-        for name, (value, kind) in asked.items():
+        limits = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
+        for name, (value, kind) in limits.items():
             as_field_type(value, kind, "geneoh.Stream", name)
         plain = Options(preset="fast", samples=2)
         options = with_settings(plain, settings, "geneoh.Stream", ARGUMENTS)

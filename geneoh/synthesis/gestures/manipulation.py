@@ -105,10 +105,10 @@ def _placed(
 
 def doings(actions: Actions, names: list[str], rest: Doing) -> list[tuple[Doing, Doing]]:
     """Phrases for the left and the right hand of each action."""
-    said = []
+    phrases = []
     for verb, name, hands in zip(actions.verb, actions.name, actions.hands.tolist(), strict=True):
         thing = with_article(noun_of(names[int(name)]))
         words = VERB_WORDS[VERBS[int(verb)]]
         doing = Doing(tuple(f"{word} {thing}" for word in words))
-        said.append(tuple(doing if part else rest for part in hands))
-    return said
+        phrases.append(tuple(doing if part else rest for part in hands))
+    return phrases

@@ -71,12 +71,12 @@ def gesturing(
     one = Draws(1, generator)
     roles = [draw_roles(variants, config.shares, one) for _ in bodies]
     skeleton, motion = bodies_with_hands(roles, bodies, frames, config, generator)
-    said = [role.doings for role in roles]
+    acts = [role.doings for role in roles]
     names = [[NAMES.index(r.left.name), NAMES.index(r.right.name)] for r in roles]
     made = [[r.left.variant, r.right.variant] for r in roles]
     labels = torch.tensor(names), torch.tensor(made), torch.tensor(bodies)
     length = torch.full((len(bodies),), frames)
-    return with_sentences(motion, skeleton, labels, length, said, generator)
+    return with_sentences(motion, skeleton, labels, length, acts, generator)
 
 
 def handling(
@@ -97,8 +97,8 @@ def handling(
     motion, missed, bent = manipulating(skeleton, body, actions, generator=generator)
     verb = torch.where(actions.hands, actions.verb[:, None] + NAMES.index(VERBS[0]), 0)
     labels = verb, torch.full_like(verb, -1), torch.tensor(bodies)
-    said = doings(actions, names, Doing(REST_SAYS, rests=True))
-    made = with_sentences(motion, skeleton, labels, actions.length, said, generator)
+    acts = doings(actions, names, Doing(REST_SAYS, rests=True))
+    made = with_sentences(motion, skeleton, labels, actions.length, acts, generator)
     return made.take((missed < IN_REACH) & (bent < MOST_BEND), "B")
 
 
@@ -154,14 +154,14 @@ def with_sentences(
     skeleton: Skeleton,
     labels: tuple[Int[Tensor, "B 2"], Int[Tensor, "B 2"], Int[Tensor, " B"]],
     length: Int[Tensor, " B"],
-    said: list[tuple[Doing, Doing]],
+    acts: list[tuple[Doing, Doing]],
     generator: torch.Generator,
 ) -> Gestures:
     """Clips with labels (gestures, variants, bodies) and sentences that describe the hands."""
     frames = torch.arange(motion.root.shape[1]).minimum(length[:, None] - 1)
     rows = torch.arange(len(length))[:, None]
     one = {
-        side: np.array([hand_sentence(side, each[n], generator=generator) for each in said])
+        side: np.array([hand_sentence(side, each[n], generator=generator) for each in acts])
         for n, side in enumerate(SIDES)
     }
     return Gestures(
@@ -171,5 +171,5 @@ def with_sentences(
         matrix_to_axis_angle(motion.rotations[rows, frames]),
         skeleton.offsets,
         **one,
-        joined=np.array([joined_sentences(*each, generator=generator) for each in said]),
+        joined=np.array([joined_sentences(*each, generator=generator) for each in acts]),
     )

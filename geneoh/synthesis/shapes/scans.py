@@ -88,8 +88,8 @@ class Scans(MeshFolder):
         spacing, shape = self.spacing[which, None, None], self.shape[which, None]
         low = spacing * (1 - shape) / 2
         last = shape - 1
-        asked = (points - low) / spacing
-        at = asked.clamp(min=0).minimum(last)
+        cells = (points - low) / spacing
+        at = cells.clamp(min=0).minimum(last)
         cell = at.long().minimum(last - 1)
         stride = torch.stack([shape[..., 1] * shape[..., 2], shape[..., 2], shape[..., 2] ** 0], -1)
         first = self.start[which, None] + (cell * stride).sum(-1)
@@ -105,8 +105,8 @@ class Scans(MeshFolder):
         rises = [along_y, rise_y, rise_z]
         normal = torch.stack([rise[..., 1] - rise[..., 0] for rise in rises], -1)
         normal = torch.nn.functional.normalize(normal, dim=-1)
-        outside = (asked != at).any(-1)
-        away = (asked - at) * spacing + distance[..., None] * normal
+        outside = (cells != at).any(-1)
+        away = (cells - at) * spacing + distance[..., None] * normal
         length = away.norm(dim=-1).clamp(min=TINY)
         normal = torch.where(outside[..., None], away / length[..., None], normal)
         return torch.where(outside, length, distance), normal

@@ -220,6 +220,6 @@ class Solids(Bundle):
             points = points - 0.9 * distance[..., None] * normal
         distance, normal = self.distance_and_normal(points)
         # sorted by convergence alone: sorted by distance, some solids would get all points
-        off = (distance.abs() > SURFACE_ERROR).int()
-        keep = off.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
+        outside = (distance.abs() > SURFACE_ERROR).int()
+        keep = outside.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
         return points.gather(1, keep), normal.gather(1, keep)

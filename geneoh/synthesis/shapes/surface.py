@@ -42,8 +42,8 @@ def mesh_of_solid(solid: Solids, spacing: float = SPACING) -> Mesh:
     sizes = len(across), len(along), len(up)
     verts, faces, _ = igl.marching_cubes(distance, grid.double().numpy(), *sizes)
     points = torch.from_numpy(np.ascontiguousarray(verts)).float()
-    off, normal = solid.distance_and_normal(points[None])
-    points = points - (off[..., None] * normal)[0]
+    gap, normal = solid.distance_and_normal(points[None])
+    points = points - (gap[..., None] * normal)[0]
     return Mesh(points, torch.from_numpy(np.ascontiguousarray(faces)).long())
 
 

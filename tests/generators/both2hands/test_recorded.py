@@ -66,7 +66,7 @@ def test_the_words_on_hands_are_those_of_the_window_s_frames():
 def test_other_frame_rates_are_learned_at_thirty(tmp_path):
     (tmp_path / "s1").mkdir()
     bodies.amass(tmp_path / "s1" / "walk_poses.npz", LONG, 60.0)
-    training, validation, (note,) = clips("amass", tmp_path, told=False)
+    training, validation, (note,) = clips("amass", tmp_path, with_text=False)
     assert training.length.tolist() == validation.length.tolist() == [90 + 1]
     assert "validated on the training data: there is no other recording" in note
     assert training.joined.tolist() == [[""]]
@@ -85,7 +85,7 @@ def test_the_same_recordings_are_held_out_where_texts_are_missing(tmp_path):
     names = [f"idea400__subset_0001__wave{n}_clip_1" for n in range(24)]
     motions = {name: bodies.swaying(31, seed=n) for n, name in enumerate(names)}
     tree = bodies.motion_x_tree(tmp_path, **motions)
-    every = recorded_gestures("motionx", tree, told=False)
+    every = recorded_gestures("motionx", tree, with_text=False)
     (held, *_), (learned, *_) = (each.joined[:, 0] for each in (every.validation, every.training))
     for said in (held, learned):  # "A person does SET/SUBSET/CLIP."
         clip = said.rstrip(".").split("/")[-1]
@@ -115,7 +115,7 @@ def test_a_data_set_without_a_clip_to_learn_from_is_refused(tmp_path, source, mo
     make = {"both57m": bodies.both57m, "amass": bodies.amass}[source]
     make(tmp_path / {"both57m": "a.p", "amass": "a_poses.npz"}[source], motion)
     with pytest.raises(InputError, match=said):
-        recorded_gestures(source, tmp_path, told=told)
+        recorded_gestures(source, tmp_path, with_text=told)
 
 
 def test_a_file_that_cannot_be_read_is_told_and_left_out(tmp_path):

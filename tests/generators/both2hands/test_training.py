@@ -35,11 +35,11 @@ def test_the_sentence_counts_in_the_loss_of_the_blend():
 
     def loss(said):
         draws = Draws(WHOLE.count, torch.Generator().set_state(state))
-        other = replace(samples, said=said)
+        other = replace(samples, sentence=said)
         found, clean = blended_answers(task.network(), task.branches, other, TINY, draws)
         return hands_loss(found, clean, samples.real, TINY)
 
-    assert (loss(samples.said) - loss(speech(["other words"] * 4))).abs() > 1e-5
+    assert (loss(samples.sentence) - loss(speech(["other words"] * 4))).abs() > 1e-5
 
 
 def test_a_clip_is_learned_with_a_sentence_of_its_own():

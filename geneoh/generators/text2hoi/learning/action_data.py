@@ -122,7 +122,7 @@ def recorded_actions(
     ]
     about = f"{source}: {len(labels)} actions of {len(names)} objects, {words}"
     notes = f"{about}; actions left out: {reasons or 'none'}", *problems
-    made = recordings.asked | {"source": source, "held_out": config.held_out}
+    made = recordings.wanted | {"source": source, "held_out": config.held_out}
     return TrainingData(parts[0], parts[1], made, notes)
 
 
@@ -152,7 +152,7 @@ class Recordings:
     """Surface points of the objects read so far, which are the same in all recordings."""
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def wanted(self) -> dict[str, Any]:
         """The settings that a shard depends on; the held-out subject is none of them."""
         settings = asdict(self.config)
         del settings["held_out"]
@@ -175,7 +175,7 @@ class Recordings:
         """Whether a shard exists, is undamaged, and has these settings and the current files."""
         try:
             with opened_tensors(shard) as (_, record):
-                if any(record.get(name) != value for name, value in self.asked.items()):
+                if any(record.get(name) != value for name, value in self.wanted.items()):
                     return False
                 files = {name: (size, content) for name, (size, content) in record["files"].items()}
                 return are_as_recorded(self.files(clip), files, shard)
@@ -200,7 +200,7 @@ class Recordings:
                 found.append(action)
                 labels.append(label)
         tensors = vars(concatenated(found, "B")) if found else {}
-        record = self.asked | {
+        record = self.wanted | {
             "files": records_of([*self.files(clip), *by_path(meshes)]),
             "labels": labels,
             "left_out": dict(left_out),

@@ -100,10 +100,10 @@ def action_of(
     action = _with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
     near = _touching(action, seen, chosen, place)
     if label.hands is not None:
-        asked = torch.tensor(TAKING_PART[label.hands])
-        if bool((asked & ~near).any()):
+        labelled = torch.tensor(TAKING_PART[label.hands])
+        if bool((labelled & ~near).any()):
             return "in which a hand of the label is not seen to touch the object"
-        near = asked
+        near = labelled
     if not bool(near.any()):
         return "in which no hand touches the object"
     there = near[None, :, None, None].float()

@@ -92,19 +92,19 @@ def draw_samples(
     text = encoder.encode(sentences(chosen, data, draws))
     contact = touched.clone()
     if network is not None:
-        told, latent = draws.chance(config.estimated), draws.normal(network.config.latent)
-        objects = Objects.of(chosen).take(told, "B")
-        contact[told] = network.decode(latent[told], objects, text[told]).sigmoid()
+        estimated, latent = draws.chance(config.estimated), draws.normal(network.config.latent)
+        objects = Objects.of(chosen).take(estimated, "B")
+        contact[estimated] = network.decode(latent[estimated], objects, text[estimated]).sigmoid()
     return ActionSamples(chosen, touched, contact, text)
 
 
 def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
     """A random sentence for each of some actions of the data, each with a seed of its own."""
     seeds = draws.integers(0, 2**31).tolist()
-    said = [data.verb_words[verb] for verb in actions.verb.tolist()]
-    passed = torch.tensor([n for n, verb in enumerate(said) if verb == "pass"], dtype=torch.long)
+    verbs = [data.verb_words[verb] for verb in actions.verb.tolist()]
+    passed = torch.tensor([n for n, verb in enumerate(verbs) if verb == "pass"], dtype=torch.long)
     giver = dict(zip(passed.tolist(), givers(actions.take(passed, "B")), strict=True))
-    rows = zip(said, actions.name.tolist(), hands_of(actions), seeds, strict=True)
+    rows = zip(verbs, actions.name.tolist(), hands_of(actions), seeds, strict=True)
     return [
         caption(
             verb,

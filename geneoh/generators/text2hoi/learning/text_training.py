@@ -137,7 +137,7 @@ def accuracy(
         (one_of(VERBS, generator), one_of(tuple(NOUN_WORDS), generator), one_of(HANDS, generator))
         for _ in range(MEASURED)
     ]
-    said = []
+    texts = []
     for verb, noun, hands in chosen:
         if kind == "unseen phrasings":
             sentence = text_data.unseen_phrasing(verb, noun, hands, generator=generator)
@@ -146,10 +146,10 @@ def accuracy(
             sentence = caption(verb, noun, hands, generator=generator, synonyms=words[verb])
         split = words_of(sentence)
         wrong = kind == "misspellings"
-        said.append(marked(misspelt(split, generator=generator) if wrong else split))
+        texts.append(marked(misspelt(split, generator=generator) if wrong else split))
     was_training = network.training
     device = next(network.parameters()).device
-    pieces = piece_numbers(tokenizer, said, network.config.longest).to(device)
+    pieces = piece_numbers(tokenizer, texts, network.config.longest).to(device)
     reading = network.eval().read(network(pieces))
     network.train(was_training)
     verbs: Int[Tensor, " B"] = torch.tensor([VERBS.index(verb) for verb, _, _ in chosen])

@@ -42,8 +42,8 @@ class ContactNetwork(nn.Module):
             layer(whole // 2, whole // 4),
             nn.Linear(whole // 4, 2 * config.latent),
         )
-        told = config.latent + 1 + whole + config.text
-        self.whole = nn.Linear(told, hidden)
+        width = config.latent + 1 + whole + config.text
+        self.whole = nn.Linear(width, hidden)
         self.each = nn.Linear(config.points.near, hidden, bias=False)
         self.decoder = nn.Sequential(
             nn.LeakyReLU(0.2),
@@ -62,8 +62,8 @@ class ContactNetwork(nn.Module):
         self, objects: Objects, contact: Float[Tensor, "B P"]
     ) -> tuple[Float[Tensor, "B Z"], Float[Tensor, "B Z"]]:
         """Mean and log variance of the latent of a contact map."""
-        given = torch.cat([self.given(objects), contact[..., None]], dim=-1)
-        _, features = self.touched(given)
+        channels = torch.cat([self.given(objects), contact[..., None]], dim=-1)
+        _, features = self.touched(channels)
         mean, log_variance = self.encoder(features.amax(1)).chunk(2, dim=-1)
         return mean, log_variance.clamp(-10, 10)
 
@@ -73,9 +73,9 @@ class ContactNetwork(nn.Module):
         """Logits of the contact of each point."""
         near, features = self.points(self.given(objects))
         # decimetres, so that the number is of order one
-        told = torch.cat([latent, 10 * objects.scale, features.amax(1), text], dim=-1)
+        condition = torch.cat([latent, 10 * objects.scale, features.amax(1), text], dim=-1)
         # one linear layer over local and global features, without repeating the global ones
-        return self.decoder(self.each(near) + self.whole(told)[:, None])[..., 0]
+        return self.decoder(self.each(near) + self.whole(condition)[:, None])[..., 0]
 
     def sample(
         self, objects: Objects, text: Float[Tensor, "B W"], *, generator: torch.Generator

@@ -154,11 +154,11 @@ class InteractionNetwork(nn.Module):
         """Encode a condition for `denoised`."""
         steps = in_steps(condition.valid, self.config.frames_per_token)
         whole, places = self.object(condition.objects, condition.contact)
-        given = condition.object_given[:, None]
+        known = condition.object_given[:, None]
         text = self.text(condition.text * condition.text_given[:, None])
-        whole = (text + whole * given)[:, None]
-        seen = torch.cat([torch.ones_like(given), given.expand(-1, places.shape[1])], dim=1)
-        there = torch.cat([condition.present, torch.ones_like(given)], dim=1)
+        whole = (text + whole * known)[:, None]
+        seen = torch.cat([torch.ones_like(known), known.expand(-1, places.shape[1])], dim=1)
+        there = torch.cat([condition.present, torch.ones_like(known)], dim=1)
         step_seen = steps.any(-1)[..., None] & there[:, None]
         time = whole.new_zeros(*steps.shape[:2], whole.shape[-1])
         if self.time is not None:
@@ -168,7 +168,7 @@ class InteractionNetwork(nn.Module):
         )
 
     def denoised(
-        self, x: Float[Tensor, "B T 208"], level: Float[Tensor, " B"], told: EncodedAction
+        self, x: Float[Tensor, "B T 208"], level: Float[Tensor, " B"], action: EncodedAction
     ) -> Float[Tensor, "B T 208"]:
         """Prediction of the clean normalised features in `x` = clean + sigma * noise.
 
@@ -176,19 +176,19 @@ class InteractionNetwork(nn.Module):
         not `shown` have no effect in `x` and are zero in the result.
         """
         sigma = self.sigmas[level.long()]
-        steps = in_steps(x * told.shown, self.config.frames_per_token)
-        given = [agent.flatten(-2) for agent in steps.split([HAND, HAND, OBJECT], dim=-1)]
+        steps = in_steps(x * action.shown, self.config.frames_per_token)
+        agents = [agent.flatten(-2) for agent in steps.split([HAND, HAND, OBJECT], dim=-1)]
         codecs, waves, linear = self.codecs, None, []
         if codecs:
-            waves = Waves.of(told.step_seen[..., 2], len(codecs[0].covariance))
-            both = [axes.read(n, sigma, waves) for axes, n in zip(codecs, given, strict=True)]
+            waves = Waves.of(action.step_seen[..., 2], len(codecs[0].covariance))
+            both = [axes.read(n, sigma, waves) for axes, n in zip(codecs, agents, strict=True)]
             own, linear = [torch.cat(pair, dim=-1) for pair in both], [pair[1] for pair in both]
         else:
-            own = [agent / (1 + sigma.square()).sqrt()[:, None, None] for agent in given]
-        tokens, position = self.sequence(own, told)
-        seen = torch.cat([told.seen, told.step_seen.flatten(1)], dim=1)
+            own = [agent / (1 + sigma.square()).sqrt()[:, None, None] for agent in agents]
+        tokens, position = self.sequence(own, action)
+        seen = torch.cat([action.seen, action.step_seen.flatten(1)], dim=1)
         quarter = 0.25 * sigma.clamp(min=1e-4).log() if self.time is not None else level
-        after = self.trunk(tokens, quarter, position, seen)[:, told.tokens.shape[1] :]
+        after = self.trunk(tokens, quarter, position, seen)[:, action.tokens.shape[1] :]
         left, right, thing = after.unflatten(1, (-1, 3)).unbind(2)
         read = (torch.cat([left, thing], -1), torch.cat([right, thing], -1), thing)
         found = [write(r) for write, r in zip(self.outputs, read, strict=True)]
@@ -198,10 +198,10 @@ class InteractionNetwork(nn.Module):
                 for axes, guess, answer in zip(codecs, linear, found, strict=True)
             ]
         frames = [f.unflatten(-1, (self.config.frames_per_token, -1)).flatten(1, 2) for f in found]
-        return torch.cat(frames, dim=-1)[:, : x.shape[1]] * told.shown
+        return torch.cat(frames, dim=-1)[:, : x.shape[1]] * action.shown
 
     def sequence(
-        self, own: list[Float[Tensor, "B S _"]], told: EncodedAction
+        self, own: list[Float[Tensor, "B S _"]], action: EncodedAction
     ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, " N"]]:
         """All tokens and their positions: the condition's, then left, right, object step by step.
 
@@ -209,12 +209,12 @@ class InteractionNetwork(nn.Module):
         condition has position 0 and step s position s, counted from 1 (paper: s is a frame).
         """
         read = [layer(agent) for layer, agent in zip(self.inputs, own, strict=True)]
-        tokens = torch.stack(read, dim=2) + told.time[:, :, None]
+        tokens = torch.stack(read, dim=2) + action.time[:, :, None]
         tokens = tokens + self._agents(tokens)
         steps = tokens.shape[1]
-        tokens = torch.cat([told.tokens, tokens.flatten(1, 2)], dim=1)
+        tokens = torch.cat([action.tokens, tokens.flatten(1, 2)], dim=1)
         numbers = torch.arange(1, steps + 1, device=tokens.device)
-        condition = numbers.new_zeros(told.tokens.shape[1])
+        condition = numbers.new_zeros(action.tokens.shape[1])
         return tokens, torch.cat([condition, numbers.repeat_interleave(3)]).to(tokens)
 
     def _agents(self, tokens: Tensor) -> Float[Tensor, "3 D"]:

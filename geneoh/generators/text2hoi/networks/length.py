@@ -48,8 +48,8 @@ class LengthNetwork(nn.Module):
         self, share: Float[Tensor, " B"], text: Float[Tensor, "B W"]
     ) -> tuple[Float[Tensor, "B Z"], Float[Tensor, "B Z"]]:
         """Mean and log variance of the latent; `share` is the length over `LONGEST`, 0 to 1."""
-        told = torch.cat([share[:, None], text], dim=-1)
-        mean, log_variance = self.encoder(told).chunk(2, dim=-1)
+        both = torch.cat([share[:, None], text], dim=-1)
+        mean, log_variance = self.encoder(both).chunk(2, dim=-1)
         return mean, log_variance.clamp(-10, 10)
 
     def decode(

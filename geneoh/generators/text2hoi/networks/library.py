@@ -86,8 +86,8 @@ def refuse_other_encoder(
             f"{path}: expected a text encoder of {width} features, got one of {text.width}; name "
             "the one that it was trained with"
         )
-    learned, asked = vector_of_training(path, record, width), text.encode([ASKED])[0]
-    if learned is not None and float((asked - learned).norm()) > SAME * float(learned.norm()):
+    learned, vector = vector_of_training(path, record, width), text.encode([ASKED])[0]
+    if learned is not None and float((vector - learned).norm()) > SAME * float(learned.norm()):
         raise ConfigError(
             f"{path}: expected the text encoder that it was trained with, got another one of as "
             "many features; name that one, or train it again with `geneoh train --stage "

@@ -52,13 +52,13 @@ def masked_mean(
 
 
 def simple_loss(
-    found: Float[Tensor, "B T 208"], clean: Float[Tensor, "B T 208"], told: Bool[Tensor, "B T 208"]
+    found: Float[Tensor, "B T 208"], clean: Float[Tensor, "B T 208"], mask: Bool[Tensor, "B T 208"]
 ) -> Float[Tensor, ""]:
     """Squared error of normalised features: one mean each for left hand, right hand and object,
     added."""
     square = (found - clean).square()
     ends = (slice(0, HAND), slice(HAND, 2 * HAND), slice(2 * HAND, None))
-    return torch.stack([masked_mean(square[..., e], told[..., e]) for e in ends]).sum()
+    return torch.stack([masked_mean(square[..., e], mask[..., e]) for e in ends]).sum()
 
 
 def geometric_loss(

@@ -106,8 +106,8 @@ class ObjectTokens(nn.Module):
         """Tokens of the whole object, and of at most `places` farthest points of it."""
         some = spread(contact.shape[1], min(self.count, contact.shape[1])).to(contact.device)
         objects, contact = objects.take(some, "P"), contact[:, some]
-        given = torch.cat([objects.channels, contact[..., None]], dim=-1)
-        _, features = self.points(given)
+        channels = torch.cat([objects.channels, contact[..., None]], dim=-1)
+        _, features = self.points(channels)
         whole = self.whole(torch.cat([features.amax(1), _summary(objects, contact)], dim=-1))
         kept = min(self.places, len(some))
         points, everywhere = objects.points, torch.ones_like(contact, dtype=torch.bool)
@@ -137,8 +137,8 @@ class WholeObject(nn.Module):
         """Tokens of the whole object, and none of places."""
         some = spread(contact.shape[1], self.count).to(contact.device)
         _, features = self.points(objects.normalised[:, some])
-        told = [features.amax(1), contact[:, some], objects.scale, objects.centroid]
-        whole = self.whole(torch.cat(told, dim=-1))
+        parts = [features.amax(1), contact[:, some], objects.scale, objects.centroid]
+        whole = self.whole(torch.cat(parts, dim=-1))
         return whole, whole.new_zeros(len(whole), 0, whole.shape[-1])
 
 

@@ -65,8 +65,8 @@ class RefinerNetwork(nn.Module):
         super().__init__()
         self.config = config
         offsets = JOINTS if config.form == "ours" else 0
-        told = HAND + 2 * JOINTS + offsets + 2 * config.points
-        self.input = nn.Linear(config.frames_per_token * told, config.width)
+        width = HAND + 2 * JOINTS + offsets + 2 * config.points
+        self.input = nn.Linear(config.frames_per_token * width, config.width)
         self.trunk = PostNormTransformer(config.width, config.depth, config.heads, levels=False)
         self.output = zeroed(nn.Linear(config.width, config.frames_per_token * HAND))
 
@@ -79,8 +79,8 @@ class RefinerNetwork(nn.Module):
         probability that each of them is touched.
         """
         frames = self.config.frames_per_token
-        told = self.inputs(tokens, points, contact).transpose(1, 2)
-        read = self.input(in_steps(told, frames).transpose(2, 3).flatten(-2))
+        inputs = self.inputs(tokens, points, contact).transpose(1, 2)
+        read = self.input(in_steps(inputs, frames).transpose(2, 3).flatten(-2))
         seen = in_steps(tokens.valid, frames).any(-1)[..., None] & tokens.present[:, None]
         steps = torch.arange(read.shape[1], device=read.device)
         agents = sinusoid(torch.tensor(AGENT_ROWS).to(read), read.shape[-1])
@@ -106,10 +106,10 @@ class RefinerNetwork(nn.Module):
         near = torch.exp(-50 * offset.square())
         distance = points.norm(dim=-1)[:, None].expand(-1, 2, -1, -1)
         touched = contact[:, None, None].expand(-1, 2, points.shape[1], -1)
-        told = [tokens.hands, joints.flatten(-2), near.flatten(-2), distance, touched]
+        parts = [tokens.hands, joints.flatten(-2), near.flatten(-2), distance, touched]
         if self.config.form == "ours":
-            told.append(offset.clamp(-LARGEST_OFFSET, LARGEST_OFFSET).flatten(-2) / LARGEST_OFFSET)
-        return torch.cat(told, dim=-1) * tokens.shown[:, :2, :, None]
+            parts.append(offset.clamp(-LARGEST_OFFSET, LARGEST_OFFSET).flatten(-2) / LARGEST_OFFSET)
+        return torch.cat(parts, dim=-1) * tokens.shown[:, :2, :, None]
 
 
 def nearest(

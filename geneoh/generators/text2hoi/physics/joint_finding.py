@@ -108,7 +108,7 @@ def named(mesh: Mesh) -> str:
     return "a part" if mesh.source is None else mesh.source.name
 
 
-def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tuple[str, ...]]:
+def joint_of(meshes: tuple[Mesh, Mesh], known: Joint | None) -> tuple[Joint, tuple[str, ...]]:
     """The joint of two meshes with its range, and notes on what was found.
 
     Raises:
@@ -116,24 +116,24 @@ def joint_of(meshes: tuple[Mesh, Mesh], given: Joint | None) -> tuple[Joint, tup
             them, or no joint is passed and none is found from their shapes.
     """
     parts = Parts.of(meshes)
-    if given is None:
+    if known is None:
         joint, notes = found_joint(parts, named(meshes[1]))
         return joint, (f"the joint is found from the meshes: --joint {joint}", *notes)
-    refuse_far(meshes, given)
-    asked = given.most or (SLIDE if given.slides else HINGE)
-    least, room = LEAST_RANGE[given.kind], parts.room(given, asked)
+    refuse_far(meshes, known)
+    most = known.most or (SLIDE if known.slides else HINGE)
+    least, room = LEAST_RANGE[known.kind], parts.room(known, most)
     if room >= least:
         notes = ()
-        if given.most is not None and room < asked - 1e-6:
-            unit = "cm" if given.slides else "degrees"
-            notes = (f"the parts meet beyond {given.in_unit(room)} {unit}, where the joint ends",)
-        return replace(given, most=room), notes
-    if parts.room(replace(given, axis=-given.axis), asked) >= least:
+        if known.most is not None and room < most - 1e-6:
+            unit = "cm" if known.slides else "degrees"
+            notes = (f"the parts meet beyond {known.in_unit(room)} {unit}, where the joint ends",)
+        return replace(known, most=room), notes
+    if parts.room(replace(known, axis=-known.axis), most) >= least:
         raise InputError(
-            f"joint '{given}': expected a part that moves out of the first one, got one that runs "
+            f"joint '{known}': expected a part that moves out of the first one, got one that runs "
             "into it at once; turn the axis round"
         )
-    return replace(given, most=asked), ("the parts run through each other as the joint moves",)
+    return replace(known, most=most), ("the parts run through each other as the joint moves",)
 
 
 def refuse_far(meshes: tuple[Mesh, Mesh], joint: Joint) -> None:

@@ -97,12 +97,12 @@ class JointedObject:
         With a generator the hand is first brought to the part (`held_at_parts`). A note reports
         motion that is lost.
         """
-        asked = actions
+        sampled = actions
         if generator is not None:
             actions = held_at_parts(actions, self.meshes, generator=generator)
         move = partial(moved_by_hands_at_part, closes=self.closes)
         actions = move(eased(move(actions)))
-        if left_out(asked, actions) < LOST:
+        if left_out(sampled, actions) < LOST:
             return actions, ()
         fault = "the hand is not always at the part while that should move, and it then rests"
         return actions, (f"{fault}; another seed may make a better one",)

@@ -199,5 +199,5 @@ def over_table(hand: HeldHands, table: Table, hold: Int[Tensor, " N"]) -> HeldHa
     highest = torch.nn.functional.max_pool1d(depth[None], 2 * RISE + 1, 1, RISE)[0]
     kernel = torch.exp(-0.5 * ((frames - frames[:, None]) * 2 / RISE) ** 2)
     rise = kernel / kernel.sum(1, keepdim=True) @ highest
-    off = torch.maximum(hold[0] - frames, frames - hold[-1]).clamp(0, RISE) / RISE
-    return replace(hand, wrist=hand.wrist + (off * rise)[:, None] * table.up)
+    apart = torch.maximum(hold[0] - frames, frames - hold[-1]).clamp(0, RISE) / RISE
+    return replace(hand, wrist=hand.wrist + (apart * rise)[:, None] * table.up)

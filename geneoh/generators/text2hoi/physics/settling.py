@@ -197,8 +197,8 @@ def shifts_out(
     start, frames = hand.wrist, torch.arange(len(hand.wrist))
     for _ in range(ROUNDS):
         centers, radii = hand.spheres
-        asked = centers if len(solids.kind) > 1 else centers.flatten(0, 1)[None]
-        distance, normal = solids.distance_and_normal(asked)
+        points = centers if len(solids.kind) > 1 else centers.flatten(0, 1)[None]
+        distance, normal = solids.distance_and_normal(points)
         depth, deepest = (radii - distance.view(radii.shape)).clamp(min=0).max(1)
         shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
         hand = replace(hand, wrist=hand.wrist + shift)
@@ -212,5 +212,5 @@ def shifts_out(
 def _fading(frames: Int[Tensor, " N"], count: int) -> Float[Tensor, " T"]:
     """Weights that are 1 from the first to the last of `frames`, and fall to 0 over `FADE` more."""
     time = torch.arange(count, dtype=torch.float32)
-    off = torch.maximum(frames[0] - time, time - frames[-1]).clamp(min=0)
-    return 1 - minimum_jerk(off / FADE)
+    apart = torch.maximum(frames[0] - time, time - frames[-1]).clamp(min=0)
+    return 1 - minimum_jerk(apart / FADE)

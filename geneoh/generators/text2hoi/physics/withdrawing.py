@@ -40,8 +40,8 @@ def withdrawn(
     """A hand whose ways to the hold (frames `hold`) and from it are the best of those tried, by
     penetration depth and wrist acceleration; ways that are not deep are kept."""
     frames = torch.arange(len(hand.wrist))
-    for end, off in ((hold[0], hold[0] - frames), (hold[-1], frames - hold[-1])):
-        way = frames[(off > 0) & (off < JOINED[-1])]
+    for end, apart in ((hold[0], hold[0] - frames), (hold[-1], frames - hold[-1])):
+        way = frames[(apart > 0) & (apart < JOINED[-1])]
         if not len(way):
             continue
         drawn = hand.take(way, "N")
@@ -49,7 +49,7 @@ def withdrawn(
         if float(deep.amax()) < DEEP:
             continue
         ways = concatenated(
-            [drawn, *_ways(drawn, hand.take(end[None], "N"), off[way].float())], "N"
+            [drawn, *_ways(drawn, hand.take(end[None], "N"), apart[way].float())], "N"
         )
         count = len(ways.wrist) // len(way)
         found = depths(ways, way.repeat(count), solids, table, other)
@@ -79,7 +79,7 @@ def depths(
     return depth.clamp(min=0).amax(1)
 
 
-def _ways(drawn: HeldHands, held: HeldHands, off: Float[Tensor, " N"]) -> list[HeldHands]:
+def _ways(drawn: HeldHands, held: HeldHands, apart: Float[Tensor, " N"]) -> list[HeldHands]:
     """Hands that retreat from a hold in several directions and then join the sampled way."""
     found = []
     steps = torch.tensor([-1.0, 0.0, 1.0])
@@ -87,9 +87,9 @@ def _ways(drawn: HeldHands, held: HeldHands, off: Float[Tensor, " N"]) -> list[H
     sides = torch.nn.functional.normalize(sides[sides.norm(dim=-1) > 0], dim=-1)
     turns = axis_angle_to_matrix(held.pose), axis_angle_to_matrix(drawn.pose)
     for back, joined in product(BACK, JOINED):
-        share = minimum_jerk(off / joined)
+        share = minimum_jerk(apart / joined)
         pose = matrix_to_axis_angle(interpolate_rotations(*turns, share[:, None]))
         for side in sides:
-            place = held.wrist + back * minimum_jerk(off / OUT)[:, None] * side
+            place = held.wrist + back * minimum_jerk(apart / OUT)[:, None] * side
             found.append(HeldHands(pose, torch.lerp(place, drawn.wrist, share[:, None])))
     return found

@@ -74,13 +74,13 @@ def caption(
     is random. Words that `VERB_WORDS` and `NOUN_WORDS` do not list are used as they are. `synonyms`
     of the verb replace the listed ones in all phrasings.
     """
-    said = one_of(synonyms or VERB_WORDS.get(verb, (verb,)), generator)
+    phrase = one_of(synonyms or VERB_WORDS.get(verb, (verb,)), generator)
     if hands is not None and chance(0.5, generator):
-        return one_of(captions(said if synonyms else verb, noun, hands), generator)
+        return one_of(captions(phrase if synonyms else verb, noun, hands), generator)
     held = one_of(NOUN_WORDS.get(noun, (noun,)), generator)
-    sentence = _phrased(said, held, hands, _tail(verb, hands, giver, generator), generator)
+    sentence = _phrased(phrase, held, hands, _tail(verb, hands, giver, generator), generator)
     if chance(0.1, generator):
-        sentence = f"please {sentence}" if sentence.startswith(said.split()[0]) else sentence
+        sentence = f"please {sentence}" if sentence.startswith(phrase.split()[0]) else sentence
     sentence = _sentence(sentence) if chance(0.7, generator) else sentence
     return sentence if chance(0.7, generator) else sentence.rstrip(".")
 
@@ -91,25 +91,25 @@ def _phrased(
     """A freer phrasing, which keeps the verb, without capital and full stop."""
     base, third, ing, past = forms(verb)
     thing = _described(noun, generator)
-    told = "" if hands is None else _told(hands, generator)
-    with_hand = f" {one_of(('with', 'with', 'using'), generator)} {told}" if told else ""
-    if not told:
-        told = one_of(_PEOPLE, generator)
+    actor = "" if hands is None else _told(hands, generator)
+    with_hand = f" {one_of(('with', 'with', 'using'), generator)} {actor}" if actor else ""
+    if not actor:
+        actor = one_of(_PEOPLE, generator)
     several = hands == "both hands"
     form = int(torch.randint(7, (), generator=generator))
     if form == 0:
         return f"{one_of(_PEOPLE, generator)} {_over(third, thing, generator)}{tail}{with_hand}"
     if form == 1:
-        by_hand = f" by {told}" if with_hand and chance(0.7, generator) else with_hand
+        by_hand = f" by {actor}" if with_hand and chance(0.7, generator) else with_hand
         return f"{thing} {_be(noun)} {past}{tail}{by_hand}"
     if form == 2:
-        return f"{told} {_over(base if several else third, thing, generator)}{tail}"
+        return f"{actor} {_over(base if several else third, thing, generator)}{tail}"
     if form == 3:
         return f"{_over(ing, thing, generator)}{tail}{with_hand}"
     if form == 4 and with_hand:
-        return f"use {told} to {_over(base, thing, generator)}{tail}"
+        return f"use {actor} to {_over(base, thing, generator)}{tail}"
     if form == 5 and with_hand:
-        return f"with {told}, {_over(base, thing, generator)}{tail}"
+        return f"with {actor}, {_over(base, thing, generator)}{tail}"
     return f"{_over(base, thing, generator)}{tail}{with_hand}"
 
 
@@ -144,8 +144,8 @@ def _tail(
 ) -> str:
     """How or where, with the space before it; often nothing."""
     if verb == "pass" and hands == "both hands" and chance(0.6, generator):
-        said = one_of(_FROM_HAND_TO_HAND, generator)
-        return f" {_FROM[giver] if giver and said in _FROM.values() else said}"
+        phrase = one_of(_FROM_HAND_TO_HAND, generator)
+        return f" {_FROM[giver] if giver and phrase in _FROM.values() else phrase}"
     if chance(0.6, generator):
         return ""
     return f" {one_of((*_ADVERBS[:6], *_PLACES.get(verb, _ADVERBS)), generator)}"

@@ -34,21 +34,21 @@ BETWEEN = frozenset(("to", "be", "being", "ever", "even", "just", "actually", "r
 """Words that may stand between such a word and its verb."""
 
 
-def without_ruled_out(said: str) -> tuple[str, frozenset[Side]]:
+def without_ruled_out(sentence: str) -> tuple[str, frozenset[Side]]:
     """The sentence without phrases that rule out a hand or let it rest, and the hands' sides."""
     sides: set[Side] = set()
     for pattern in (_HAND, _BARE, _KEPT, _RESTING):
-        for match in pattern.finditer(said):
+        for match in pattern.finditer(sentence):
             found = match.groupdict().values()
-            if pattern is not _BARE or "hand" in said.split():
+            if pattern is not _BARE or "hand" in sentence.split():
                 sides.update(side for side in SIDES if side in found)
-                said = " ".join(said.replace(match[0], " ", 1).split())
-    return said, frozenset(sides)
+                sentence = " ".join(sentence.replace(match[0], " ", 1).split())
+    return sentence, frozenset(sides)
 
 
-def no_hand_in(said: str) -> str:
+def no_hand_in(sentence: str) -> str:
     """The words that rule out every hand; empty if there are none."""
-    match = _NO_HAND.search(said)
+    match = _NO_HAND.search(sentence)
     return match[0] if match else ""
 
 

@@ -76,10 +76,10 @@ def outcomes_as_verbs(words: Sequence[str], *, jointed: bool) -> list[str]:
     it is shut"): a separate lid is lifted or put down. Phrases that `VERB_WORDS` lists, such as
     "push shut", stay.
     """
-    said = " ".join(words)
+    sentence = " ".join(words)
     for pattern, verb in _PATTERNS if jointed else _PATTERNS[:1]:
-        said = re.sub(pattern, lambda match, verb=verb: _with_outcome(match, verb), said)
-    return said.split()
+        sentence = re.sub(pattern, lambda match, verb=verb: _with_outcome(match, verb), sentence)
+    return sentence.split()
 
 
 def _with_outcome(match: re.Match[str], verb: str) -> str:

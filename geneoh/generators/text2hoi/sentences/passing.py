@@ -49,15 +49,15 @@ def leads(actions: Actions) -> Float[Tensor, " B"]:
     return (time[:, 1] - time[:, 0]).nan_to_num(0.0)
 
 
-def passed_by(actions: Actions, asked: Sequence[Side | None], draws: int = 1) -> Bool[Tensor, " B"]:
+def passed_by(actions: Actions, giver: Sequence[Side | None], draws: int = 1) -> Bool[Tensor, " B"]:
     """Whether the requested hand gives the object in each clip; true where none is requested.
 
     Of `draws` consecutive samples only those pass whose lead is at least half of the largest one:
     an object that both hands hold at nearly the same time is rejected if there is a clearer sample.
     """
-    sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in asked])
-    told, lead = sign.nonzero()[:, 0], torch.zeros(len(sign), dtype=torch.float64)
-    lead[told] = sign[told] * leads(actions.take(told, "B").to("cpu"))
+    sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in giver])
+    known, lead = sign.nonzero()[:, 0], torch.zeros(len(sign), dtype=torch.float64)
+    lead[known] = sign[known] * leads(actions.take(known, "B").to("cpu"))
     lead = lead.unflatten(0, (-1, draws))
     clear = (lead > 0) & (lead >= lead.amax(1, keepdim=True) / 2)
     return (clear.flatten() | (sign == 0)).to(actions.wrist.device)

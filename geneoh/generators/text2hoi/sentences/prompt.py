@@ -59,7 +59,7 @@ class Prompt:
     """Whether the verb that the sentence names is one of synthetic actions."""
     notes: tuple[str, ...]
     """Assumptions, one sentence each, for the user."""
-    told: str
+    network_text: str
     """The sentence for the networks, without its length and without what it rules out."""
     frames: int | None
     """The length that the sentence states, at 30 frames a second; None if it states none."""
@@ -83,23 +83,23 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     check_english(sentence, words, known_words(), on=on, example=EXAMPLE)
     rest, stated = stated_length(sentence.replace("\u2019", "'"))
     length = length_in_frames(sentence, stated) if frames is None else None
-    said, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
-    words = outcomes_as_verbs(said.split(), jointed=jointed)
+    remaining, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
+    words = outcomes_as_verbs(remaining.split(), jointed=jointed)
     words, left_out = without_ruled_out_verbs(sentence, words)
     words = with_other_hand(sentence, words, ruled_out)
-    told = sentence if words == words_of(sentence) else " ".join(words)
-    verb, known, verb_notes = asked_verb(told, words)
+    made_of = sentence if words == words_of(sentence) else " ".join(words)
+    verb, known, verb_notes = asked_verb(made_of, words)
     if verb in JOINTED and not jointed:
         verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
     if jointed and verb not in JOINTED:
         verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
-    hands, hand_notes = asked_hands(told, words, verb)
+    hands, hand_notes = asked_hands(made_of, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes)
     if stated is not None:
         instead = "" if length else f", but {frames} are asked for"
         notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)
     giver = asked_giver(" ".join(words)) if (verb, hands) == ("pass", "both hands") else None
-    return Prompt(sentence, hands, verb, known, notes, told, length, giver)
+    return Prompt(sentence, hands, verb, known, notes, made_of, length, giver)
 
 
 def without_ruled_out_verbs(
@@ -132,16 +132,16 @@ def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side])
     Raises:
         InputError: they rule out both hands, or a hand that they also name.
     """
-    said, found = " ".join(words), ""
+    text, found = " ".join(words), ""
     if len(ruled_out) == len(SIDES):
         found = "neither of the two"
-    elif none := no_hand_in(said):
+    elif none := no_hand_in(text):
         found = f"'{none}'"
-    elif ruled_out and (_BOTH.search(said) or any(f"{side} hand" in said for side in ruled_out)):
+    elif ruled_out and (_BOTH.search(text) or any(f"{side} hand" in text for side in ruled_out)):
         found = f"the {min(ruled_out)} hand both named and ruled out"
     if found:
         raise refused(sentence, f"hands that act, found {found}; name those that do")
-    if not ruled_out or any(pattern.search(said) for pattern in _ONE.values()):
+    if not ruled_out or any(pattern.search(text) for pattern in _ONE.values()):
         return words
     return [*words, "with", "the", next(side for side in SIDES if side not in ruled_out), "hand"]
 
@@ -156,22 +156,22 @@ def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[st
     if not named:
         nearest = max(VERBS, key=lambda verb: scores[verb])
         return nearest, False, (f"no verb of the sentence is known; the nearest is '{nearest}'",)
-    said = max(named, key=lambda verb: scores[verb])
-    phrase_words = named[said].split()
+    chosen = max(named, key=lambda verb: scores[verb])
+    phrase_words = named[chosen].split()
     notes = tuple(
         f"'{word}' is read as '{other}'"
         for word, other in zip(words, meant, strict=True)
         if word != other and other in phrase_words
     )
     notes += tuple(
-        f"one action is made, '{named[said]}'; '{phrase}' is left out"
+        f"one action is made, '{named[chosen]}'; '{phrase}' is left out"
         for verb, phrase in named.items()
-        if verb in VERBS and verb != said
+        if verb in VERBS and verb != chosen
     )
-    if said in VERBS:
-        return said, True, notes
-    nearest = OTHER_VERBS[said][0]
-    note = f"'{named[said]}' was never learned; the nearest verb is '{nearest}'"
+    if chosen in VERBS:
+        return chosen, True, notes
+    nearest = OTHER_VERBS[chosen][0]
+    note = f"'{named[chosen]}' was never learned; the nearest verb is '{nearest}'"
     return nearest, False, (note, *notes)
 
 
@@ -205,14 +205,14 @@ def asked_hands(
     sentence: str, words: Sequence[str], verb: str
 ) -> tuple[HandsName, tuple[str, ...]]:
     """The hands that a sentence asks for: by its words, else as our encoder reads it."""
-    said = " ".join(words)
-    if found := _TO_ITSELF.search(said):
+    text = " ".join(words)
+    if found := _TO_ITSELF.search(text):
         twice = f"the {found[1]} hand twice; name the other one, or leave out where it goes"
         raise refused(sentence, f"two hands to pass something between, found {twice}")
-    passed = verb == "pass" and asked_giver(said) and not _WITH_ONE.search(said)
-    if passed or _BOTH.search(said):
+    passed = verb == "pass" and asked_giver(text) and not _WITH_ONE.search(text)
+    if passed or _BOTH.search(text):
         return "both hands", ()
-    one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
+    one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(text)]
     if len(one) == 2:
         both = "the left hand and the right hand; write 'both hands', or name one of them"
         raise refused(sentence, f"one choice of hands, found {both}")

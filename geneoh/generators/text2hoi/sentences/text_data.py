@@ -57,11 +57,11 @@ def vocabulary(pieces: int, *, generator: torch.Generator) -> Tokenizer:
     """A tokenizer of at most `pieces` pieces, learned on captions and word lists."""
     verbs = [form for words in SEEN_WORDS.values() for word in words for form in forms(word)]
     listed = [*verbs, *THINGS, *sorted(SMALL_WORDS)] * 5
-    said = [
+    texts = [
         caption(*each, generator=generator, synonyms=SEEN_WORDS[each[0]])
         for each in (meaning(generator) for _ in range(6000))
     ]
-    return learned_pieces([*said, *listed], pieces)
+    return learned_pieces([*texts, *listed], pieces)
 
 
 def meaning(generator: torch.Generator) -> tuple[str, str, HandsName | None]:
@@ -82,7 +82,7 @@ def draw_sentences(
 ) -> Sentences:
     """Random meanings in two random phrasings each, some of them misspelt or split apart."""
     meanings = [meaning(generator) for _ in range(count)]
-    said = [
+    texts = [
         disturbed(caption(*each, generator=generator, synonyms=words[each[0]]), generator=generator)
         for each in meanings
         for _ in range(2)
@@ -90,7 +90,7 @@ def draw_sentences(
     verbs, nouns, hands = zip(*meanings, strict=True)
     known = {noun: n for n, noun in enumerate(NOUN_CLASSES)}
     return Sentences(
-        piece_numbers(tokenizer, said, longest).unflatten(0, (count, 2)),
+        piece_numbers(tokenizer, texts, longest).unflatten(0, (count, 2)),
         torch.tensor([VERB_CLASSES.index(verb) for verb in verbs]),
         torch.tensor([HANDS_CLASSES.index(each) for each in hands]),
         torch.tensor([known.get(noun, known[""]) for noun in nouns]),

@@ -52,7 +52,7 @@ def test_numbers_are_read_in_digits_and_words():
 def test_a_stated_length_counts_unless_another_one_is_asked_for():
     sentence = "lift the mug with the left hand for two seconds"
     prompt = read_prompt(sentence)
-    assert (prompt.sentence, prompt.told) == (sentence, "lift the mug with the left hand")
+    assert (prompt.sentence, prompt.network_text) == (sentence, "lift the mug with the left hand")
     assert prompt.frames == 60
     assert prompt.notes == ("the length is 60 frames by 'for two seconds'",)
     prompt = read_prompt(sentence.replace("two", "ten"), frames=50)

@@ -77,13 +77,13 @@ def test_a_verb_that_ends_open_or_shut_opens_or_closes(sentence, told):
     verb = "open" if "open" in sentence else "close"
     for jointed in (False, True):
         prompt = read_prompt(sentence, jointed=jointed)
-        assert (prompt.verb, prompt.known, prompt.told) == (verb, True, told)
+        assert (prompt.verb, prompt.known, prompt.network_text) == (verb, True, told)
 
 
 @pytest.mark.parametrize("said", ["pull the drawer open", "push it shut", "pull open the drawer"])
 def test_phrases_for_open_and_close_that_are_learned_stay(said):
     prompt = read_prompt(said, jointed=True)
-    assert (prompt.verb in ("open", "close"), prompt.told) == (True, said)
+    assert (prompt.verb in ("open", "close"), prompt.network_text) == (True, said)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_what_a_verb_is_for_opens_or_closes_an_object_of_two_parts(said, told):
 )
 def test_an_object_that_is_open_or_closed_stays_so(said, verb):
     prompt = read_prompt(said)
-    assert (prompt.verb, prompt.told) == (verb, said)
+    assert (prompt.verb, prompt.network_text) == (verb, said)
 
 
 def test_an_outcome_that_is_ruled_out_is_refused():
@@ -218,7 +218,7 @@ def test_two_hands_that_contradict_each_other_are_refused():
 )
 def test_a_hand_that_is_ruled_out_leaves_the_other_one(sentence, hands, told):
     prompt = read_prompt(sentence)
-    assert (prompt.hands, prompt.told, prompt.notes) == (hands, told or sentence, ())
+    assert (prompt.hands, prompt.network_text, prompt.notes) == (hands, told or sentence, ())
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_a_verb_that_is_ruled_out_is_refused(sentence):
 
 def test_beside_another_verb_one_that_is_ruled_out_is_noted():
     prompt = read_prompt("Carry the mug with the left hand without tilting it")
-    assert (prompt.verb, prompt.told) == ("carry", "carry the mug with the left hand")
+    assert (prompt.verb, prompt.network_text) == ("carry", "carry the mug with the left hand")
     assert prompt.notes == ("'without tilting it' is not followed",)
 
 
