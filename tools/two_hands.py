@@ -50,10 +50,7 @@ FRAMES = 90
 DEEPEST, OVERLAP = 0.01, 0.002
 """Largest penetration depth of a clean clip in the object, and in the other hand, metres."""
 CONFIG = SynthesisConfig(
-    frames=FRAMES,
-    shape_std=0.0,
-    bone_std=0.0,
-    bimanual=BimanualConfig(share=1.0, bone_std=0.0),
+    frames=FRAMES, shape_std=0.0, bone_std=0.0, bimanual=BimanualConfig(share=1.0, bone_std=0.0)
 )
 ROWS = {
     "keypoint error, mm": "{:.1f}",

@@ -10,11 +10,7 @@ from geneoh.errors import InputError, MissingAssetError
 from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_groups
-from geneoh.evaluation.protocols.noise import (
-    check_noise,
-    noisy_input,
-    refuse_idle_settings,
-)
+from geneoh.evaluation.protocols.noise import check_noise, noisy_input, refuse_idle_settings
 from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.outputs import keep_others
 from geneoh.fitting.subject import subject_of

@@ -20,12 +20,7 @@ from geneoh.synthesis.attempts import Attempts, draw_attempts
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.motions.clearance import MovingSolids
 from geneoh.synthesis.motions.motion import Interactions
-from geneoh.synthesis.shards import (
-    read_shard,
-    scans_of,
-    shard_generator,
-    shard_record,
-)
+from geneoh.synthesis.shards import read_shard, scans_of, shard_generator, shard_record
 
 SAME_SKELETON = 1e-5  # norm of the difference of all bones below which hands are the same, metres
 

@@ -11,11 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 from torch import Tensor
 
-from geneoh.geometry.rotations import (
-    axis_angle_to_matrix,
-    matrix_to_axis_angle,
-    nearest_rotations,
-)
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, nearest_rotations
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 

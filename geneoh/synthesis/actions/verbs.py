@@ -167,11 +167,7 @@ def _inspect(d: _Drawn) -> list[Move]:
 
 def _pass(d: _Drawn) -> list[Move]:
     up, way = d.up() + 0.06 * torch.eye(3)[2], 0.5 * d.range("carried")[:, None] * d.level()
-    return [
-        _STANDING,
-        Move(d.range("move"), up),
-        Move(d.range("way"), way, rest=d.config.handed),
-    ]
+    return [_STANDING, Move(d.range("move"), up), Move(d.range("way"), way, rest=d.config.handed)]
 
 
 SCRIPTS: dict[str, Callable[[_Drawn], list[Move]]] = {

@@ -110,11 +110,7 @@ def draw_roles(variants: Sequence[tuple[str, int]], shares: GestureShares, draws
 
 
 def gesture_motions(
-    roles: Roles,
-    seated: bool,
-    swing: Float[Tensor, "T 2"],
-    settings: HandSettings,
-    draws: Draws,
+    roles: Roles, seated: bool, swing: Float[Tensor, "T 2"], settings: HandSettings, draws: Draws
 ) -> TwoHands:
     """The hands' motion; `swing` is how far forward each hand swings while walking, metres."""
     frames = len(swing)

@@ -14,13 +14,7 @@ from geneoh.choices import SIDES
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import VERBS, Actions
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.gestures.both_hands import (
-    Role,
-    Roles,
-    TwoHands,
-    draw_roles,
-    gesture_motions,
-)
+from geneoh.synthesis.gestures.both_hands import Role, Roles, TwoHands, draw_roles, gesture_motions
 from geneoh.synthesis.gestures.clips import NAMES, REST, Gestures
 from geneoh.synthesis.gestures.manipulation import IN_REACH, MOST_BEND, doings, manipulating
 from geneoh.synthesis.gestures.repertoire import REST_SAYS, GestureShares

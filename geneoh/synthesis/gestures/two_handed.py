@@ -32,13 +32,7 @@ TWO_HANDED: dict[str, PairGesture] = {
         touches=True,
     ),
     "type": PairGesture(
-        (
-            "type",
-            "type on a keyboard",
-            "write on a computer",
-            "press keys",
-            "work at a computer",
-        ),
+        ("type", "type on a keyboard", "write on a computer", "press keys", "work at a computer"),
         HandPose((-0.07, -0.36, 0.34), (-0.2, 0.0, 1.0), (-0.1, -1.0, 0.0), "keys"),
         HandPose((-0.07, -0.37, 0.345), (-0.2, -0.06, 1.0), (-0.1, -1.0, 0.0), "keys"),
         "swing",

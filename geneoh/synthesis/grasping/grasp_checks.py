@@ -99,9 +99,7 @@ def _holds(
 
 
 def unheld(
-    pads: Float[Tensor, "B P 3"],
-    normals: Float[Tensor, "B P 3"],
-    touching: Bool[Tensor, "B P"],
+    pads: Float[Tensor, "B P 3"], normals: Float[Tensor, "B P 3"], touching: Bool[Tensor, "B P"]
 ) -> Float[Tensor, " B"]:
     """Share of the worst push that friction at touching pads cannot resist: 0 firm, 1 no grip.
 

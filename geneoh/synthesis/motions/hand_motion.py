@@ -196,11 +196,7 @@ def hand_motions(
 
 
 def _wrist_motion(
-    held: HandPath,
-    standing: Standing,
-    phases: HandPhases,
-    config: HandMotionConfig,
-    draws: Draws,
+    held: HandPath, standing: Standing, phases: HandPhases, config: HandMotionConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3 3"]]:
     """Wrist position and global rotation, from a random start to the grasp and to a random end."""
     frames = phases.reach.shape[1]

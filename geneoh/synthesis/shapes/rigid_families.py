@@ -71,10 +71,7 @@ def _plate(u: Draw) -> Drawn:
 def _spoon(u: Draw) -> Drawn:
     length, bowl = u(0.05, 0.09), u(0.015, 0.03)
     handle = Shape(BOX, (length, u(0.004, 0.008), u(0.002, 0.004)), rounding=0.0015)
-    return [
-        handle,
-        Shape(ELLIPSOID, (bowl, 0.7 * bowl, 0.006), (length + 0.8 * bowl, 0.0, 0.0)),
-    ]
+    return [handle, Shape(ELLIPSOID, (bowl, 0.7 * bowl, 0.006), (length + 0.8 * bowl, 0.0, 0.0))]
 
 
 def _brush(u: Draw) -> Drawn:

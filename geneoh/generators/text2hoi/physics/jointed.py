@@ -41,11 +41,7 @@ class JointedObject:
 
     @classmethod
     def of(
-        cls,
-        meshes: tuple[Mesh, Mesh],
-        stood: StandingObject,
-        joint: Joint | None,
-        closes: bool,
+        cls, meshes: tuple[Mesh, Mesh], stood: StandingObject, joint: Joint | None, closes: bool
     ) -> tuple["JointedObject", tuple[str, ...]]:
         """The object with its joint, which is found if `joint` is None, and notes on it.
 

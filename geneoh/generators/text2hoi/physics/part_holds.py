@@ -12,10 +12,7 @@ from scipy.spatial import ConvexHull
 from torch import Tensor
 
 from geneoh.choices import SIDES
-from geneoh.generators.text2hoi.physics.held_hands import (
-    HeldHands,
-    table_of,
-)
+from geneoh.generators.text2hoi.physics.held_hands import HeldHands, table_of
 from geneoh.generators.text2hoi.physics.opening import (
     BEGIN,
     joint_frames,

@@ -31,11 +31,7 @@ FORCED = 0.1
 
 
 def withdrawn(
-    hand: HeldHands,
-    hold: Int[Tensor, " N"],
-    solids: Solids,
-    table: Table,
-    other: OtherHands | None,
+    hand: HeldHands, hold: Int[Tensor, " N"], solids: Solids, table: Table, other: OtherHands | None
 ) -> HeldHands:
     """A hand whose ways to the hold (frames `hold`) and from it are the best of those tried, by
     penetration depth and wrist acceleration; ways that are not deep are kept."""
