@@ -4,7 +4,7 @@ The standard deviation of keypoints over samples is smaller than their error. Th
 factor at which the share of keypoints whose truth lies in the 90% radius is nearest to 90%, over
 all noises. Clips are synthetic interactions with the object families that networks are trained on,
 under seeds of their own, each under every noise. The last printed line is
-`geneoh.pipeline.spread.SCALE`.
+`geneoh.pipeline.spread.ERROR_RATIO`.
 """
 
 from collections.abc import Iterable
@@ -75,4 +75,4 @@ if __name__ == "__main__":
     scale = calibrated(errors.values())
     for noise, each in errors.items():
         print(f"{noise}: {100 * each.inside(scale):.0f}% inside")
-    print(f"SCALE = {scale:.2f}")
+    print(f"ERROR_RATIO = {scale:.2f}")

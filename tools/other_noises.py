@@ -28,7 +28,7 @@ from geneoh.sequence.noise import corrupt, ornstein_uhlenbeck, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.shapes.scans import Scans, read_folder
-from tools.noisy_objects.clips import EXAMPLES, scans_of
+from tools.noisy_objects.clips import EXAMPLES, RECORDING, clip_of, scans_of
 
 Error = Callable[[HandTrack, torch.Generator], HandTrack]
 
@@ -234,11 +234,10 @@ def main() -> None:
 
 def clips_of(count: int, seeds: int) -> dict[str, list[Sequence]]:
     """The clean clips by where they come from; the recording once for each seed."""
-    recording = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     objects = read_folder(EXAMPLES / "objects")
     scans = scans_of(objects, objects.held_out)
     return {
-        "recording": [recording] * seeds,
+        "recording": [clip_of(RECORDING)] * seeds,
         "made": made_clips(SynthesisConfig().held_out, count),
         "scanned": made_clips(scans.names, count, scans),
     }

@@ -7,7 +7,6 @@ whole track cleaned at once. Errors are means over keypoints and frames, millime
 
 import argparse
 import time
-from pathlib import Path
 
 import torch
 from jaxtyping import Float
@@ -23,8 +22,8 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
+from tools.noisy_objects.clips import RECORDING, clip_of
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 FILTERS: tuple[tuple[FilterKind, Domain], ...] = (
     ("savgol", "keypoints"),
     ("savgol", "parameters"),
@@ -51,8 +50,7 @@ def main() -> None:
         draw_clip(families[index % len(families)], 2000 + index, args.frames)
         for index in range(args.clips)
     ]
-    example = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
-    recorded = [] if args.made_only else [example[: args.frames]]
+    recorded = [] if args.made_only else [clip_of(RECORDING)[: args.frames]]
     for title, clips in (("recording", recorded), ("made clips", made)):
         if not clips:
             continue

@@ -197,10 +197,5 @@ def answer(find: Callable[[dict[str, Any], Tell], Found]) -> None:
     say(find(point, tell))
 
 
-def cleaned(point: dict[str, Any], tell: Tell) -> Found:
-    """Time and memory that cleaning the clips of a point takes."""
-    return (many_clips if point["clips"] > 1 else middle_run)(point, tell)
-
-
 if __name__ == "__main__":
-    answer(cleaned)
+    answer(lambda point, tell: (many_clips if point["clips"] > 1 else middle_run)(point, tell))

@@ -11,6 +11,7 @@ HAND_SCALE = 0.08
 """Standard deviation of canonical keypoints around the contact points, metres: the unit of network
 inputs. It is fixed, because a scale per window, as in the paper, would lose bone lengths."""
 NOISE_SCALE = 0.02  # typical distance of a clean keypoint from its observation, metres
+CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 POINTS = 32  # number K of contact points that the networks are trained with
 SELECT_EVERY = 4  # contact points are chosen from every fourth frame
 VERSIONS = 1 + len(SMOOTHING_FRAMES)  # number K of versions of a sample in `with_low_passed`

@@ -22,7 +22,7 @@ CONTACT_FRAMES = (4.0, 25.0)  # of the changes to the surface, which are noisy i
 CANDIDATES = len(SMOOTHING_FRAMES) + 1 + len(CONTACT_FRAMES)  # number of candidate corrections
 PAD_DEPTH = 0.008  # distance from a fingertip's keypoint to the skin of its pad, metres
 HAND_REACH, FINGER_REACH = 0.03, 0.05  # decay length of a tip's weight with its gap, metres
-SLIDING = 0.1  # weight of a tangential gap relative to a normal one
+TANGENTIAL = 0.1  # weight of a tangential gap relative to a normal one
 DAMPING = 0.02  # lever arm in metres below which the damping suppresses rotation
 LARGEST_CHANGE = 6.0  # bound of the changes that bring fingertips to the surface, units of `UNIT`
 
@@ -107,7 +107,7 @@ def whole_hand_to_touch(
     shift = rotation.mT[:, :, None].expand_as(arm)
     lever = torch.cat([shift * UNIT[0], arm * UNIT[3]], dim=-1)  # (B, T, 5, 3, 6)
     across = outward[..., :, None] * outward[..., None, :]
-    counts = across + SLIDING * (torch.eye(3).to(arm) - across)
+    counts = across + TANGENTIAL * (torch.eye(3).to(arm) - across)
     weighed = torch.exp(-apart / HAND_REACH)[..., None] * lever.mT @ counts
     square = (weighed @ lever).sum(2)
     goal = (weighed @ gap[..., None]).sum(2)

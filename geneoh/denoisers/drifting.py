@@ -32,7 +32,7 @@ and the lower bound of this probability, which keeps the variance of a free hand
 FAR_FROM_MEDIAN = 0.04
 """Distance from the median position on the object, metres, at which a frame loses half its weight:
 the hand holds the object elsewhere, or the object's pose is wrong."""
-EVERY = 3
+FITTED_EVERY = 3
 """Every third frame enters the Gaussian process."""
 
 
@@ -47,7 +47,7 @@ def drift(
         ray: unit direction from the camera to the hand, world frame; None if unknown.
     """
     frames = torch.arange(held.place.shape[1], device=held.place.device).double()
-    some = slice(None, None, EVERY)
+    some = slice(None, None, FITTED_EVERY)
     place, turn, sure = (x[:, some].double() for x in (held.place, held.rotation, held.sure))
     apart = (frames[:, None] - frames[some]).abs()
     alike = torch.exp(-apart / DRIFT_FRAMES)

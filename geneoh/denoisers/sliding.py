@@ -15,9 +15,9 @@ from torch import Tensor
 from geneoh.denoisers.holding import HeldPlace
 from geneoh.denoisers.spatial import wrist_noise_of
 
-SLIDING = 0.007
+USUAL_SLIDING = 0.007
 """Standard deviation of a hand's position in the object frame, metres: few hands slide less."""
-LEFT = 0.7
+NOISE_LEFT = 0.7
 """Share of the wrist's noise that may remain after MotionDiff and looks like sliding."""
 INDEPENDENT = 0.1
 """Independent samples per frame: sliding is correlated over time."""
@@ -56,12 +56,12 @@ class Sliding:
             return values - (weights * values).sum(1, keepdim=True)
 
         slid, turned = from_mean(held.place), from_mean(held.rotation.mT)
-        noise = held.object_noise(track) + (LEFT * wrist_noise_of(track)).square()
+        noise = held.object_noise(track) + (NOISE_LEFT * wrist_noise_of(track)).square()
         return cls(
             square=(share[..., None, None] * turned.mT @ turned).sum(1),
             line=(share[..., None, None] * turned.mT @ slid[..., None]).sum(1)[..., 0],
             still=(share * slid.square().sum(-1)).sum(1, keepdim=True),
-            least=SLIDING**2 + noise,
+            least=USUAL_SLIDING**2 + noise,
             count=own * (INDEPENDENT * held.sure.sum(1, keepdim=True) - 1).clamp(min=0),
         )
 

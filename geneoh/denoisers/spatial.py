@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.denoisers.base import CLOSE
 from geneoh.diffusion.posterior import LogDensity, Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.nn.blocks import NetworkConfig, mlp, zeroed
@@ -24,7 +25,6 @@ from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
 from geneoh.sequence.keypoints import palm_axes
 
-CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 SHIFT_UNIT = 0.02  # unit of shifts as network input, metres
 LONGEST_SHIFT = 0.1  # longer shifts have zero density, metres: training has none
 PRIOR_RANGE = (0.0005, 0.06)  # range of the prior's standard deviation, metres

@@ -15,14 +15,13 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from geneoh.bundle import Bundle
-from geneoh.denoisers.base import object_rates
+from geneoh.denoisers.base import CLOSE, object_rates
 from geneoh.nn.blocks import FrameTransformer, NetworkConfig, zeroed
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.region import ObjectSurface
 from geneoh.sequence.keypoints import palm_axes
 
 STEP_UNIT = 0.003  # typical step of a keypoint over the surface between frames, metres
-CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 STEP_FILTERS = (1.0, 2.5, 6.0)  # standard deviations of the Gaussian filters of steps, frames
 TEMPORAL_FEATURES = 3 + 60 + 5 * 63 + 2 * 21 + 6 + 1  # width of `TemporalEvidence.features`
 CANDIDATES = 2 + len(STEP_FILTERS)  # candidate changes of each step that the network mixes

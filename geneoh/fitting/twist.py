@@ -20,7 +20,7 @@ from geneoh.hand.model import HandModel
 
 BONES = ((1, 2, 15), (4, 5, 16), (7, 8, 17), (10, 11, 18), (13, 14, 19))
 """Row of the rest offsets of the bone after each joint of each finger; the last end in the tips."""
-STEP = math.radians(15)  # step of the grid of twists
+TWIST_STEP = math.radians(15)  # step of the grid of twists
 FEWEST_FRAMES = 15  # frames that are needed to distinguish a constant twist from tracker noise
 LOOKED_AT = 16  # evenly spaced frames from which a twist is detected
 NOISE_FILTER = 10.0  # standard deviation of the temporal Gaussian that removes noise, frames
@@ -32,7 +32,7 @@ REFINED = 10.0
 """Upper bound of what `refined` adds to this ratio: the grid search alone rules most poses out."""
 CONSTANT, SLOW = 1000.0, 20.0
 """Weights of a twist's change between frames, 1/rad: for a constant and for a slow twist."""
-ITERATIONS = 8  # Levenberg-Marquardt has converged by then
+SOLVER_STEPS = 8  # Levenberg-Marquardt has converged by then
 SLIGHT = 1e-3  # step of the finite differences, radians
 TOLD = (
     "the fingers are twisted about their bones as no hand can be: natural poses with the same "
@@ -126,7 +126,7 @@ def likeliest(
     A joint's pose depends on its own twist and that of the joint before, so the best twists are
     found from the last joint backwards (dynamic programming).
     """
-    grid = torch.arange(-math.pi, math.pi - STEP / 2, STEP).to(fingers)
+    grid = torch.arange(-math.pi, math.pi - TWIST_STEP / 2, TWIST_STEP).to(fingers)
     turn = axis_angle_to_matrix(grid[:, None, None, None] * bones).transpose(0, 1)
     cost, best = fingers.new_zeros(5, len(grid)), []
     for joint in (2, 1, 0):  # tables over the previous joint's twist, its own twist, and frames
@@ -165,7 +165,7 @@ def refined(
     coupling = twist.new_full((3,), steady**2)
     slight = SLIGHT * torch.cat([torch.zeros_like(eye[:1]), eye])
     copies = fingers.repeat(1, len(slight), 1, 1, 1)  # one call for all differences is faster
-    for _ in range(ITERATIONS):
+    for _ in range(SOLVER_STEPS):
         each = (twist[:, None] + slight[:, None]).flatten(1, 2)
         here, *ahead = residual(copies, each).chunk(len(slight), dim=1)
         slope = (torch.stack(ahead, dim=-1) - here[..., None]) / SLIGHT

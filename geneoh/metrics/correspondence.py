@@ -20,12 +20,12 @@ from geneoh.geometry.sampling import SurfaceSamples, sample_surface
 from geneoh.geometry.solid import as_arrays
 from geneoh.metrics.contact import CONTACT_MAP
 
-SAMPLES = 8000  # points on an object, as in TOCH, distributed over its parts by area
+OBJECT_POINTS = 8000  # points on an object, as in TOCH, distributed over its parts by area
 RAY_OFFSET = 1e-4  # metres from a point at which its ray may first be blocked by the object (TOCH)
 
 
 def contact_points(
-    fields: tuple[SurfaceDistance, ...], *, generator: torch.Generator, count: int = SAMPLES
+    fields: tuple[SurfaceDistance, ...], *, generator: torch.Generator, count: int = OBJECT_POINTS
 ) -> tuple[SurfaceSamples, ...]:
     """Points drawn evenly from the surface of an object's parts, in the parts' frames."""
     areas = [float(field.solid.surface.face_vectors().norm(dim=-1).sum()) for field in fields]

@@ -29,11 +29,11 @@ from geneoh.metrics.contact import MOVING, TOUCH
 
 GRAVITY = 9.81  # m/s²
 FRICTION = 0.8
-LEFT = 0.1  # largest residual wrench of a realistic frame, in units of the weight
+WRENCH_LEFT = 0.1  # largest residual wrench of a realistic frame, in units of the weight
 NEAR_HAND = 0.02  # distance from a keypoint to the object of a hand near it, metres (paper)
 SPAN = 2  # step in frames of second differences: a step of one frame shows mostly noise
 SPREAD = 32  # most contact points of a frame, chosen far apart, through which forces act
-STEPS = 200  # iterations of the solver for the forces
+SOLVER_STEPS = 200  # iterations of the solver for the forces
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def realistic_frames(
     spanned = torch.cat([hands, _cones(arms, down, stands[unsure], 0.0)], 1)
     # torques divided by the radius of gyration count like forces
     scale = torch.cat([torch.ones_like(arms[:, :1]), size[unsure][:, None].expand(-1, 1, 3)], -1)
-    left = wrench_left(spanned / scale, wanted[unsure][:, None] / scale, steps=STEPS)
-    passed[unsure] = left[:, 0].norm(dim=-1) <= LEFT
+    left = wrench_left(spanned / scale, wanted[unsure][:, None] / scale, steps=SOLVER_STEPS)
+    passed[unsure] = left[:, 0].norm(dim=-1) <= WRENCH_LEFT
     return passed
 
 

@@ -7,7 +7,7 @@ from torch import Tensor
 from geneoh.denoisers.candidate_corrections import filter_kernels
 from geneoh.sequence.windows import blocks, widened
 
-SCALE = 1.5
+ERROR_RATIO = 1.5
 """Ratio of the expected error to the standard deviation over samples, from
 `tools.calibrate_spread`. It is above 1 because errors that all samples share do not spread them."""
 ALONE = 3.0
@@ -24,7 +24,7 @@ FILTER_END = 150
 
 def joint_spread(
     samples: Float[Tensor, "S T 21 3"],
-    scale: float = SCALE,
+    scale: float = ERROR_RATIO,
     *,
     alone: Float[Tensor, " T"] | None = None,
 ) -> Float[Tensor, "T 21"]:

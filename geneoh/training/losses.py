@@ -21,6 +21,7 @@ from geneoh.fitting.align import align_to_steps
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.representation.window_scale import WindowScale
+from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.training.batches import Batch
 
@@ -33,7 +34,6 @@ TRAJECTORY_START, RELATION_START, LATENT_START = 2.0, 0.7, 0.34
 HIGH_NOISE_BIAS, TRAJECTORY_HIGH_NOISE_BIAS = 4.0, 2.0
 """Preference for high noise levels in training (`draw_sigma`) of MotionDiff, whose observation is
 hard to use there, and of MotionDiff in the paper's form."""
-FPS = 30.0  # frames a second of all training data
 KEYPOINT_UNIT = 0.02  # keypoint error that counts as much as a parameter error of one unit, metres
 TRIALS = 32  # shifts per window at which SpatialDiff's density is evaluated in training
 TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
@@ -180,7 +180,7 @@ def reconstruction_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Fl
     del draws  # draws nothing; the signature is shared by all losses
     points, total = batch.region.points_canon[:, :-1], batch.clean.new_zeros(())
     for joints in (batch.clean, batch.noisy):
-        relations = encode_temporal(joints, batch.region, FPS)
+        relations = encode_temporal(joints, batch.region, NETWORK_FPS)
         around = relations.object_velocity, relations.normals, points
         decoded = model.autoencoder.decode(model.autoencoder.encode(relations, points), *around)
         near = torch.exp(-0.5 * DISTANCE_DECAY * relations.distance) + 0.05
@@ -209,7 +209,7 @@ def temporal_latent(
 ) -> Float[Tensor, "B T1 Z"]:
     """The latent of a hand (`joints` in the world frame) at the contact points of a batch."""
     points = batch.region.points_canon[:, :-1]
-    return model.autoencoder.encode(encode_temporal(joints, batch.region, FPS), points)
+    return model.autoencoder.encode(encode_temporal(joints, batch.region, NETWORK_FPS), points)
 
 
 def keypoint_loss(

@@ -17,7 +17,7 @@ from geneoh.training.run_config import RunConfig
 
 QUINTIC = (3.4445, -4.7750, 2.0315)
 """Coefficients of the odd polynomial whose iteration brings singular values close to 1."""
-ITERATIONS = 5
+ORTHOGONAL_STEPS = 5
 MOMENTUM = 0.95
 UPDATE_RMS = 0.2  # of an update at rate 1; about AdamW's, so that both share one learning rate
 
@@ -56,7 +56,7 @@ def orthogonal(matrix: Float[Tensor, "M N"]) -> Float[Tensor, "M N"]:
     x = matrix.mT if tall else matrix
     x = x / x.norm().clamp(min=1e-7)
     a, b, c = QUINTIC
-    for _ in range(ITERATIONS):
+    for _ in range(ORTHOGONAL_STEPS):
         square = x @ x.mT
         x = a * x + (b * square + c * square @ square) @ x
     return x.mT if tall else x

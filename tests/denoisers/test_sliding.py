@@ -3,7 +3,7 @@ import torch
 from torch import Tensor
 
 from geneoh.denoisers.holding import HeldPlace, holding
-from geneoh.denoisers.sliding import INDEPENDENT, LEFT, SLIDING, Sliding
+from geneoh.denoisers.sliding import INDEPENDENT, NOISE_LEFT, USUAL_SLIDING, Sliding
 from geneoh.denoisers.spatial import track_cues
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import UNIT, HandParameters
@@ -65,7 +65,7 @@ def test_the_density_is_that_of_the_spread_in_the_objects_frame(draw):
     middle = joints.mean(2) + shift - translation[:, :, 0]
     own, share = (middle[:, :, None] @ rotation[:, :, 0])[:, :, 0], held / held.sum()
     square = (share * (own - (share * own).sum(1, keepdim=True)).square()).sum()
-    wanted = -1.5 * (INDEPENDENT * held.sum() - 1) * torch.log1p(square / SLIDING**2)
+    wanted = -1.5 * (INDEPENDENT * held.sum() - 1) * torch.log1p(square / USUAL_SLIDING**2)
     torch.testing.assert_close(got[0, 0], wanted, rtol=1e-4, atol=1e-5)
 
 
@@ -113,7 +113,9 @@ def test_noise_of_object_and_hand_excuses_sliding():
     assert won(sliding(joints, *motion, object_noise=(0.0, 0.02))) < 0.5 * exact
     assert won(sliding(joints, *motion, object_noise=(0.2, 0.0))) < 0.7 * exact
     left = sliding(joints, *motion, wrist_noise=0.02).least.sqrt()
-    assert float(left) == pytest.approx((SLIDING**2 + (LEFT * 0.02) ** 2) ** 0.5, rel=0.02)
+    assert float(left) == pytest.approx(
+        (USUAL_SLIDING**2 + (NOISE_LEFT * 0.02) ** 2) ** 0.5, rel=0.02
+    )
 
 
 def test_a_hand_holds_what_moves_with_it_and_not_what_passes_by():

@@ -1,7 +1,7 @@
 import torch
 from draws import normal
 
-from geneoh.pipeline.spread import ALONE, DIFFERENCE_FILTER, SCALE, joint_spread
+from geneoh.pipeline.spread import ALONE, DIFFERENCE_FILTER, ERROR_RATIO, joint_spread
 from geneoh.sequence import windows
 
 
@@ -12,7 +12,7 @@ def test_samples_that_agree_leave_no_doubt():
 def test_the_spread_is_the_scaled_deviation_over_samples():
     samples = 0.004 * normal(2000, 1, 21, 3).expand(-1, 3, -1, -1).clone()
     samples[:, :, 4] *= 2
-    expected = torch.full((3, 21), SCALE * 0.004 * 3**0.5)
+    expected = torch.full((3, 21), ERROR_RATIO * 0.004 * 3**0.5)
     expected[:, 4] *= 2
     torch.testing.assert_close(joint_spread(samples), expected, atol=0, rtol=0.05)
 
@@ -36,7 +36,7 @@ def test_disagreement_that_comes_and_goes_hardly_counts():
     # a Gaussian filter leaves 1 / (2 sqrt(pi) deviation) of the variance of white noise
     left = (2 * torch.pi**0.5 * DIFFERENCE_FILTER) ** -0.5
     torch.testing.assert_close(
-        shaking, torch.tensor(SCALE * 0.004 * 3**0.5 * left), atol=0, rtol=0.1
+        shaking, torch.tensor(ERROR_RATIO * 0.004 * 3**0.5 * left), atol=0, rtol=0.1
     )
 
 

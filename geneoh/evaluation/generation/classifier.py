@@ -24,7 +24,7 @@ from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import Task, first_weights
 
 FRAMES_READ = 15  # frames of a clip in the input (paper)
-SCALE = 5.0  # factor of positions, 1/m, by which inputs are of order one
+PER_METRE = 5.0  # factor of positions, 1/m, by which inputs are of order one
 POINTS = 2 * 2 * 21 + 3  # keypoints in both frames, the object's position, two of its axes
 INPUTS = 3 * POINTS + 3  # features per frame; the last are the joint and the mask of hands
 SOFTENED = 0.1  # label smoothing, so that scores stay bounded
@@ -179,13 +179,13 @@ def inputs_of(
     start = clips.translation[:, :1] * torch.tensor([1.0, 1.0, 0.0])
     joints = clips.keypoints().transpose(1, 2).flatten(2, 3)
     local = (joints - clips.translation[:, :, None]) @ clips.rotation
-    axes = clips.rotation.mT[:, :, :2] / SCALE
+    axes = clips.rotation.mT[:, :, :2] / PER_METRE
     world = torch.cat([joints, clips.translation[:, :, None]], 2) - start[:, :, None]
     if turn is not None:
         world, axes = world @ turn[:, None].mT, axes @ turn[:, None].mT
     absent = ~clips.hands.repeat_interleave(21, 1)[:, None, :, None]
     hands = [each.masked_fill(absent, 0.0) for each in (world[:, :, :-1], local)]
-    points = SCALE * torch.cat([*hands, world[:, :, -1:], axes], 2).flatten(2)
+    points = PER_METRE * torch.cat([*hands, world[:, :, -1:], axes], 2).flatten(2)
     seen = clips.hands[:, None].expand(-1, frames.shape[1], -1).to(points)
     joint = clips.joint * clips.joint_units
     return torch.cat([points, joint[..., None], seen], -1)

@@ -25,7 +25,7 @@ from geneoh.training.data import TrainingData
 from geneoh.training.resume import digest
 from geneoh.training.tasks import DrawnSamples, SamplesTask, first_weights
 
-MOST = 256  # largest number of clips that the scale of features is fitted to
+MOST_FITTED = 256  # largest number of clips that the scale of features is fitted to
 CHUNK = 64  # clips whose features are computed at once
 
 
@@ -78,20 +78,16 @@ class HandsTask(SamplesTask):
                 network: HandsDenoiser = BodyHands(self.config.body_hands)
             else:
                 network = TextHands(self.config.text_hands)
-        set_scales(network, self.data.training, self.kept)
+        set_scales(network, self.data.training, self.kept[0])
         if self.scale is not None:
             network.scale.load_state_dict(self.scale.state_dict())
         return network
 
     @cached_property
-    def kept(self) -> Features:
-        """The features of all training clips, computed once."""
-        return kept_features(self.data.training, self.frame)
-
-    @cached_property
-    def kept_validation(self) -> Features:
-        """The features of all validation clips, computed once."""
-        return kept_features(self.data.validation, self.frame)
+    def kept(self) -> tuple[Features, Features]:
+        """The features of all training and of all validation clips, computed once."""
+        training, validation = self.data.training, self.data.validation
+        return kept_features(training, self.frame), kept_features(validation, self.frame)
 
     @property
     def frame(self) -> HandsFrame:
@@ -116,7 +112,7 @@ class HandsTask(SamplesTask):
         if self.name == "blend":
             scene = scene_of(data.take(pick, "B"), self.frame)
             return GestureSamples(Features.of(scene, self.frame), real, sentence, gesture, scene)
-        kept = self.kept if training else self.kept_validation
+        kept = self.kept[0 if training else 1]
         return GestureSamples(kept.take(pick, "B").map(Tensor.float), real, sentence, gesture)
 
     def learned_from(self) -> dict[str, Any]:
@@ -240,7 +236,7 @@ def kept_features(data: Gestures, frame: HandsFrame) -> Features:
 
 def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
     """Fit the scales of a network's features to clips of the data."""
-    some = slice(None, None, -(-len(data.length) // MOST))
+    some = slice(None, None, -(-len(data.length) // MOST_FITTED))
     features = kept.take(some, "B").map(Tensor.float)
     real = data.before_end[some]
     scaling = network.config.scaling

@@ -20,7 +20,7 @@ MISSED_SHARE, MISSED = 0.25, 0.005
 touches it: a share of the sampled displacement, plus metres."""
 HANDS = 2.0
 """Weight of a distance of hands relative to one of the object."""
-EVERY = 5  # step between the frames in which penetration depths are measured
+DEPTH_EVERY = 5  # step between the frames in which penetration depths are measured
 DEEPEST = 0.1  # metres: no hand is deeper in an object that hands can hold
 
 
@@ -81,8 +81,8 @@ def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
 
 
 def depth_in_object(actions: Actions) -> Float[Tensor, " B"]:
-    """Penetration depth of the deepest hand sphere, mean over every `EVERY`-th frame, metres."""
-    frames = torch.arange(0, actions.joint.shape[1], EVERY)
+    """Penetration depth of the deepest hand sphere, metres, mean over some of the frames."""
+    frames = torch.arange(0, actions.joint.shape[1], DEPTH_EVERY)
     some = actions.at_frames(frames.expand(len(actions.verb), -1))
     joints = some.keypoints()
     centers, radii = hand_spheres(joints.flatten(0, 2), torch.ones(joints[..., 0, 0].numel(), 1))

@@ -16,12 +16,12 @@ from geneoh.sequence.sequence import HandTrack
 
 EDGES = (*((KEYPOINT_PARENTS[k], k) for k in range(1, 21)), (1, 5), (5, 9), (9, 13), (13, 17))
 """Pairs of keypoints with constant distance: bones, and neighbouring knuckles."""
-ENDS = torch.zeros(len(EDGES), 21).index_put_(
+EDGE_ENDS = torch.zeros(len(EDGES), 21).index_put_(
     (torch.arange(len(EDGES)).repeat(2), torch.tensor(EDGES).T.flatten()), torch.tensor(1.0)
 )
 FEWEST_OBSERVED = 10  # observed frames that are needed for reliable median distances
 LEAST_ERROR, DEVIATIONS = 0.02, 6.0  # a distance is wrong beyond 2 cm and 6 standard deviations
-MOST = 5  # stray keypoints per frame; with more, the whole hand is wrong, or another hand
+MOST_STRAY = 5  # stray keypoints per frame; with more, the whole hand is wrong, or another hand
 
 
 def without_strays(hand: HandTrack) -> tuple[HandTrack, tuple[str, ...]]:
@@ -38,7 +38,7 @@ def without_strays(hand: HandTrack) -> tuple[HandTrack, tuple[str, ...]]:
 
 def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bool[Tensor, "T 21"]:
     """Mask of trusted keypoints whose distance to their neighbours is wrong."""
-    ends = ENDS.to(joints)
+    ends = EDGE_ENDS.to(joints)
     known = joints.masked_fill(~trusted[..., None], torch.nan)
     start, end = torch.tensor(EDGES, device=joints.device).T
     length = (known[:, start] - known[:, end]).norm(dim=-1)
@@ -49,10 +49,10 @@ def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bo
     broken = error > (DEVIATIONS * 1.4826 * error.nanmedian(0).values).clamp(min=LEAST_ERROR)
     found, here = torch.zeros_like(trusted), (~error.isnan()).to(joints)
     mean = (error.nan_to_num() @ ends) / (here @ ends).clamp(min=1)
-    for _ in range(MOST + 1):
+    for _ in range(MOST_STRAY + 1):
         # the keypoint with most wrong distances; ties go to the largest mean deviation
         worst = (broken.to(joints) @ ends + mean / (mean.amax(-1, keepdim=True) + 1)).argmax(-1)
         new = torch.nn.functional.one_hot(worst, 21).bool() & broken.any(-1, keepdim=True)
         found |= new
         broken = broken & (new.to(joints) @ ends.T == 0)
-    return found & (found.sum(-1, keepdim=True) <= MOST)
+    return found & (found.sum(-1, keepdim=True) <= MOST_STRAY)

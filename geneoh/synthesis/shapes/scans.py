@@ -34,7 +34,7 @@ MARGIN = 0.008  # margin of a grid around the bounding box, metres
 NODES, FINEST = 250_000, 0.0012  # approximate limit of nodes per grid; smallest spacing, metres
 EXACT = 0.006  # nodes nearer to the surface than this plus two coarse cells are exact, metres
 SKIP = 4  # every fourth node of a grid along each axis belongs to the coarse grid
-SAMPLES = 4096  # surface points stored per object
+POINTS_STORED = 4096  # surface points stored per object
 HAND_SPAN = 0.09  # grasps prefer places where the object is thinner than this, metres
 WIDE_SHARE = 0.15
 """Probability of a grasp at a wider place relative to a thin one: at an edge, or by a flat hand."""
@@ -123,11 +123,11 @@ class Scans(MeshFolder):
 
         With `to_grasp` they are drawn by the weights `grasped`: mostly where the object is thin.
         """
-        order = torch.rand(len(which), SAMPLES, generator=generator)
+        order = torch.rand(len(which), POINTS_STORED, generator=generator)
         if to_grasp:  # sorted exponential times of these rates sample without replacement
             order = order.log().neg() / self.grasped[which]
         # repeated from the first if more than all are requested
-        chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]
+        chosen = order.argsort(1)[:, torch.arange(count) % POINTS_STORED]
         return self.points[which[:, None], chosen], self.normals[which[:, None], chosen]
 
 
@@ -180,7 +180,7 @@ def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:
         half = mesh.extent() / 2
         spacing, shape, grid = distance_grid(field, half)
         generator = torch.Generator().manual_seed(0)
-        surface = sample_surface(field.solid, SAMPLES, generator=generator)
+        surface = sample_surface(field.solid, POINTS_STORED, generator=generator)
         thickness, _ = field.exits(surface.points - 1e-5 * surface.normals, -surface.normals)
         grasped = torch.where(thickness < HAND_SPAN, 1.0, WIDE_SHARE)
         built.append((half, surface.points, surface.normals, grasped, spacing, shape))

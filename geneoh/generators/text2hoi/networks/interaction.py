@@ -44,7 +44,7 @@ AGENT_ROWS = (1, 1666, 3333)
 """Rows of the paper's sinusoid table that encode the left hand, the right hand and the object."""
 LEAST_DEVIATION = 0.02
 """Lower bound of the features' standard deviations (m, dm, entries of rotations)."""
-MOST = 512  # largest number of clips that means, deviations and axes are fitted to
+MOST_FITTED = 512  # largest number of clips that means, deviations and axes are fitted to
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def set_statistics(network: InteractionNetwork, actions: Streamed[Actions]) -> N
 
     In our form the principal axes are fitted as well.
     """
-    some = actions.take(slice(None, None, -(-len(actions) // MOST)))
+    some = actions.take(slice(None, None, -(-len(actions) // MOST_FITTED)))
     both = [tokens_of(each, network.config.frame) for each in (some, some.mirrored())]
     total, square, count = (torch.zeros(len(network.mean), dtype=torch.float64) for _ in range(3))
     for tokens in both:

@@ -16,9 +16,9 @@ from geneoh.generators.text2hoi.networks.tokens import HAND, Tokens
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 from geneoh.synthesis.draws import Draws
 
-UNIT = 0.1
+ERROR_UNIT = 0.1
 """Errors of keypoints and distances are in this unit, metres, so that they are of order one."""
-STEP = 0.02
+VELOCITY_UNIT = 0.02
 """Errors of velocities are in this unit, metres from frame to frame."""
 VELOCITY_AT = 0.1  # metres from the object's origin at which its velocity is compared
 
@@ -79,7 +79,7 @@ def geometric_loss(
     found, clean, actions = found.take(some, "T"), clean.take(some, "T"), actions.take(some, "T")
     shown = clean.shown[:, :2]
     joints, true = found.joints_on_object(), clean.joints_on_object()
-    apart = (joints - true).square().sum(-1) / UNIT**2
+    apart = (joints - true).square().sum(-1) / ERROR_UNIT**2
     total = weights.keypoints * masked_mean(apart, shown[..., None], share)
     total = total + weights.orientation * orientation_loss(found, clean, share)
     total = total + weights.velocity * velocity_loss(found, clean, joints, true, share)
@@ -108,9 +108,9 @@ def velocity_loss(
     The object's are those of its origin and of points on its axes.
     """
     shown, valid = clean.shown[:, :2], clean.valid
-    hands = (joints - true).diff(dim=2).square().sum(-1) / STEP**2
+    hands = (joints - true).diff(dim=2).square().sum(-1) / VELOCITY_UNIT**2
     apart = object_places(found) - object_places(clean)
-    thing = apart.diff(dim=1).square().sum(-1) / STEP**2
+    thing = apart.diff(dim=1).square().sum(-1) / VELOCITY_UNIT**2
     of_hands = masked_mean(hands, (shown[..., 1:] & shown[..., :-1])[..., None], share)
     return of_hands + masked_mean(thing, (valid[:, 1:] & valid[:, :-1])[..., None], share)
 
@@ -141,7 +141,7 @@ def distance_loss(
     points = points[:, None].expand(-1, 2, -1, -1, -1)
     apart, wanted = (torch.cdist(points, places) for places in (joints, true))
     near = (wanted < TOUCHED) & shown[..., None, None]
-    return masked_mean((apart - wanted).square() / UNIT**2, near, share)
+    return masked_mean((apart - wanted).square() / ERROR_UNIT**2, near, share)
 
 
 def drawn_points(contact: Float[Tensor, "B P"], count: int, draws: Draws) -> Int[Tensor, "B C"]:

@@ -12,7 +12,7 @@ from geneoh.synthesis.actions.action import TOUCHED, Actions
 
 CHANNELS = 10
 """Number of features of each point in `Objects.channels`."""
-EVERY = 6  # step between the frames in which contact is measured
+CONTACT_EVERY = 6  # step between the frames in which contact is measured
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,15 @@ class Objects(Bundle):
 def contact_maps(actions: Actions) -> Bool[Tensor, "B P"]:
     """Points within `TOUCHED` of a keypoint of any hand that takes part, in any frame (paper 3.3).
 
-    Only every `EVERY`-th frame is used.
+    Only every `CONTACT_EVERY`-th frame is used.
     """
     # clip by clip, so that all distances of a clip stay in the processor's cache
     return torch.cat([_near(actions.take(slice(i, i + 1), "B")) for i in range(len(actions.verb))])
 
 
 def _near(actions: Actions) -> Bool[Tensor, "B P"]:
-    some = actions.take(slice(None, None, EVERY), "T")
-    some = replace(some, length=(some.length + EVERY - 1) // EVERY)
+    some = actions.take(slice(None, None, CONTACT_EVERY), "T")
+    some = replace(some, length=(some.length + CONTACT_EVERY - 1) // CONTACT_EVERY)
     tokens = tokens_of(some)
     joints, shown = tokens.joints()[0], tokens.shown[0, :2]
     hands, frames = shown.nonzero(as_tuple=True)

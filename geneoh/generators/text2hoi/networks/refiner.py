@@ -17,7 +17,7 @@ from geneoh.bundle import spread
 from geneoh.choices import SIDES
 from geneoh.config import Limited
 from geneoh.generators.smoothing import smoothed_clips
-from geneoh.generators.text2hoi.networks.losses import UNIT, masked_mean
+from geneoh.generators.text2hoi.networks.losses import ERROR_UNIT, masked_mean
 from geneoh.generators.text2hoi.networks.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.networks.tokens import (
     HAND,
@@ -178,7 +178,7 @@ def refiner_loss(
     total = weights.simple * masked_mean((found.hands - clean.hands).square(), shown[..., None])
     joints = found.joints()
     if weights.keypoints:
-        apart = (joints - clean.joints()).square().sum(-1) / UNIT**2
+        apart = (joints - clean.joints()).square().sum(-1) / ERROR_UNIT**2
         total = total + weights.keypoints * masked_mean(apart, shown[..., None])
     every = spread(points.shape[1], weights.frames).unique()
     some, points, normals = found.take(every, "T"), points[:, every], normals[:, every]

@@ -30,8 +30,8 @@ from geneoh.synthesis.shapes.solids import Solids
 RESTING_SPEED = 1e-5  # metres per frame below which an object rests
 METRES_PER_RADIAN = 0.01  # metres of motion that a radian of rotation counts as
 LIFTED = 0.01  # metres off its first height above which an object counts as lifted
-TRIES = 12  # grasps that are synthesised at once
-TOUCH = 0.003  # distance from the surface below which a pad touches, metres
+GRASPS_TRIED = 12  # grasps that are synthesised at once
+PAD_TOUCH = 0.003  # distance from the surface below which a pad touches, metres
 FIRM = 0.5
 """Largest share of a push from the worst side that a firm hold leaves unheld (`unheld`)."""
 GRASPS = GraspConfig(grips=0)
@@ -132,7 +132,7 @@ class Holding:
         """The contact of N hands with N objects."""
         pads = hands.pads
         gap, normal = solids.distance_and_normal(pads)
-        touching = gap.abs() < TOUCH
+        touching = gap.abs() < PAD_TOUCH
         return cls(touching.sum(1).to(gap), unheld(pads, normal, touching))
 
 
@@ -148,9 +148,9 @@ def new_hold(
     The search starts on the sampled hand's side of the object and avoids the table and the hand
     `before`. None if no grasp passes the checks of the training data.
     """
-    copies = torch.zeros(TRIES, dtype=torch.long)
-    toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(TRIES, -1)
-    offsets = mean_offsets().expand(TRIES, -1, -1)
+    copies = torch.zeros(GRASPS_TRIED, dtype=torch.long)
+    toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(GRASPS_TRIED, -1)
+    offsets = mean_offsets().expand(GRASPS_TRIED, -1, -1)
     solids = solids.take(copies, "B")
     grasps = synthesize_grasps(
         solids,

@@ -20,7 +20,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.seeds import seeded_generator
 
-SAMPLES = 1500  # points of each surface at which parts are compared
+COMPARED_POINTS = 1500  # points of each surface at which parts are compared
 CONTACTS = 8000  # points of the second part among which those in contact are searched
 APART = 0.02
 """Largest gap between the parts of an object, metres."""
@@ -35,7 +35,7 @@ LEAST_RANGE = {"hinge": math.radians(10.0), "slide": 0.01}
 OPENS = math.radians(60.0)  # least range of a hinge that is found from shapes
 COMPARED_STATES = 34  # states over the range in which parts are compared
 TRIED = 12  # states in which candidates for a hinge are compared
-FLAT = 0.25  # largest ratio of thickness to width of a flat contact region
+FLAT_CONTACT = 0.25  # largest ratio of thickness to width of a flat contact region
 STRIP, SHARE = (0.002, 0.006), 0.05
 """Least and largest width of the strip along a side in which contact is searched, metres, and the
 strip's share of the width of the contact region."""
@@ -56,7 +56,7 @@ class Parts:
         """The parts of these meshes; `InputError` if they are more than `APART` apart."""
         fields = SurfaceDistance(meshes[0]), SurfaceDistance(meshes[1])
         first, second = (
-            sample_surface(f.solid, SAMPLES, generator=seeded_generator("parts")).points
+            sample_surface(f.solid, COMPARED_POINTS, generator=seeded_generator("parts")).points
             for f in fields
         )
         parts = cls(fields, (first, second))
@@ -186,7 +186,7 @@ def found_hinges(parts: Parts) -> list[tuple[float, Joint]]:
     contact = parts.contact.double()
     middle = contact.mean(0)
     _, spread, axes = torch.linalg.svd(contact - middle, full_matrices=False)
-    if len(contact) < 8 or spread[2] > FLAT * spread[1] or spread[1] < 1e-6:
+    if len(contact) < 8 or spread[2] > FLAT_CONTACT * spread[1] or spread[1] < 1e-6:
         return []
     flat = ((contact - middle) @ axes[:2].T).numpy()
     found = []

@@ -26,7 +26,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 
 AS_NEAR = 0.005  # metres by which a hand may be farther away than in the best sample
-LOST = 0.1  # share of the joint's motion that may be lost without a note
+LOST_MOTION = 0.1  # share of the joint's motion that may be lost without a note
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class JointedObject:
             actions = held_at_parts(actions, self.meshes, generator=generator)
         move = partial(moved_by_hands_at_part, closes=self.closes)
         actions = move(eased(move(actions)))
-        if left_out(sampled, actions) < LOST:
+        if left_out(sampled, actions) < LOST_MOTION:
             return actions, ()
         fault = "the hand is not always at the part while that should move, and it then rests"
         return actions, (f"{fault}; another seed may make a better one",)

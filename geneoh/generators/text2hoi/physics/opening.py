@@ -19,7 +19,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.motions.schedule import minimum_jerk
 
-ENDS = 6  # the end states of a joint are means over the first and the last sixth of a clip
+END_SHARE = 6  # the end states of a joint are means over the first and the last sixth of a clip
 LEAST_OPENING = 0.25
 """Share of its range that a sampled joint must move; else a default motion replaces its own."""
 MADE_UP = (0.35, 0.65)  # start and end of the default motion, as shares of the clip
@@ -47,7 +47,7 @@ def _drawn_way(
     """How far sampled joints move, and the share of this that is done in each frame, 0 to 1."""
     frames = torch.arange(actions.joint.shape[1])
     last = actions.length[:, None] - 1
-    ends = (frames <= last / ENDS, (frames >= last - last / ENDS) & (frames <= last))
+    ends = (frames <= last / END_SHARE, (frames >= last - last / END_SHARE) & (frames <= last))
     first, final = ((actions.joint * end).sum(1) / end.sum(1) for end in ends)
     way = (first - final) if closes else (final - first)
     share = (actions.joint - first[:, None]) / (final - first)[:, None]

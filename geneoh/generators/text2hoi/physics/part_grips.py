@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import concatenated
-from geneoh.generators.text2hoi.physics.held_hands import GRASPS, TOUCH, HeldHands, mean_offsets
+from geneoh.generators.text2hoi.physics.held_hands import GRASPS, PAD_TOUCH, HeldHands, mean_offsets
 from geneoh.geometry.forces import friction_cones, wrench_left
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
@@ -20,7 +20,7 @@ from geneoh.synthesis.grasping.grasp_checks import FRICTION
 from geneoh.synthesis.grasping.grasps import synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 
-TRIES = 24  # new holds that are synthesised
+HOLDS_TRIED = 24  # new holds that are synthesised
 GOOD = 0.8  # cost of a hold below which no new one is searched
 FEWEST_PADS = 2  # least number of pads of a hold that touch the part
 SKIN = 0.003  # distance by which the skin may exceed the spheres, metres
@@ -49,7 +49,7 @@ class PartTask:
         pads, copies = hands.pads, torch.zeros(len(hands.wrist), dtype=torch.long)
         part = self.around.take([0], "S").take(copies, "B")
         gap, normal = part.distance_and_normal(pads)
-        touching = gap.abs() < TOUCH
+        touching = gap.abs() < PAD_TOUCH
         weight = touching.float()[..., None]
         middle = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
         lever = (middle @ self.out) / (part.extents[0] @ self.out.abs())
@@ -57,7 +57,7 @@ class PartTask:
         cost = (
             abs(self.way) * UNMOVED * unmoved(normal, touching, self.motion(middle))
             + abs(self.way) * SHORT * (1 - lever)
-            + DEEP * (self.depth(hands) - TOUCH).clamp(min=0)
+            + DEEP * (self.depth(hands) - PAD_TOUCH).clamp(min=0)
             + ARM * self.forearm_depth(hands)
             + FAR * away
         )
@@ -108,17 +108,17 @@ def best_hold(
     """The hold `held` if its cost is below `GOOD`; else the cheapest of it and new ones."""
     if float(task.costs(held, drawn)) < GOOD:
         return held
-    copies = torch.zeros(TRIES, dtype=torch.long)
+    copies = torch.zeros(HOLDS_TRIED, dtype=torch.long)
     side = torch.nn.functional.normalize(drawn.wrist[0], dim=-1)
-    toward = torch.stack([side, task.out]).repeat(TRIES // 2, 1)
+    toward = torch.stack([side, task.out]).repeat(HOLDS_TRIED // 2, 1)
     lowest = task.tables.take([0, -1], "B")
     grasps = synthesize_grasps(
         task.around.take(copies, "B"),
-        mean_offsets().expand(TRIES, -1, -1),
+        mean_offsets().expand(HOLDS_TRIED, -1, -1),
         GRASPS,
         generator=generator,
         toward=toward,
-        table=lowest.take(torch.arange(TRIES) % 2, "B"),
+        table=lowest.take(torch.arange(HOLDS_TRIED) % 2, "B"),
         other=None if task.other is None else task.other.take(copies, "B"),
     )
     found = concatenated([held, HeldHands(grasps.pose, grasps.wrist)], "N")

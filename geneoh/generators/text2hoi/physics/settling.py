@@ -14,7 +14,7 @@ from torch import Tensor
 
 from geneoh.generators.text2hoi.physics.held_hands import (
     FIRM,
-    TOUCH,
+    PAD_TOUCH,
     HeldHands,
     Holding,
     frames_of_motion,
@@ -39,13 +39,13 @@ from geneoh.synthesis.shapes.solids import Solids
 
 PULLED_WITHIN = 0.012
 """Distance from the surface within which a pad of the hand is pulled to it, metres."""
-DEEP = 0.004
+TOO_DEEP = 0.004
 """Penetration depth of a hold above which a new one is synthesised, metres."""
-TRIES = 5  # poses of a hold that are optimised; the best is kept
+POSES_TRIED = 5  # poses of a hold that are optimised; the best is kept
 LOOSE_COST = 20.0
 """Number of touching pads that bearing pushes from all sides is worth, relative to bearing none."""
 FADE = 40.0  # frames over which the correction fades out; with 15, hands jerked to their holds
-ROUNDS = 12  # iterations that push a hand out of what it penetrates
+PUSHES = 12  # iterations that push a hand out of what it penetrates
 SMOOTH = 2.0  # standard deviation of the smoothing of these pushes, frames
 SETTLING = GraspConfig(
     steps=80,
@@ -106,8 +106,8 @@ def settled_pose(
     The score rewards touching pads and firmness against pushes, and penalises penetration of the
     object, the table and the hand `before`.
     """
-    tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
-    copies = torch.zeros(TRIES, dtype=torch.long)
+    tried = hold[torch.linspace(0, len(hold) - 1, 2 * POSES_TRIED + 1).long()[1::2]]
+    copies = torch.zeros(POSES_TRIED, dtype=torch.long)
     start, table, solids = hand.take(tried, "N"), table.take(copies, "B"), solids.take(copies, "B")
     start = replace(start, wrist=start.wrist + shifts_out_of_table(start, table))
     other = None if before is None else before.take(copies, "B")
@@ -116,9 +116,9 @@ def settled_pose(
     grasps = Grasps(
         pose=start.pose,
         wrist=start.wrist,
-        offsets=mean_offsets().expand(TRIES, -1, -1),
-        kept=torch.ones(TRIES, dtype=torch.bool),
-        types=torch.zeros(TRIES, dtype=torch.long),
+        offsets=mean_offsets().expand(POSES_TRIED, -1, -1),
+        kept=torch.ones(POSES_TRIED, dtype=torch.bool),
+        types=torch.zeros(POSES_TRIED, dtype=torch.long),
     )
     out = settled_grasps(solids, grasps, SETTLING, reach=PULLED_WITHIN, table=table, other=other)
     # a hand that left the object from deep inside is now pulled to the surface it ended up near
@@ -131,14 +131,14 @@ def settled_pose(
         depth = depth + other.depth(centers, radii).clamp(min=0).amax(1)
     touched = solids if part is None else part.take(copies, "B")
     holding = Holding.of(touched, found)
-    best = (holding.touching - depth / TOUCH - LOOSE_COST * holding.loose).argmax()
-    fits = (holding.loose[best] < FIRM) & (depth[best] < DEEP)
+    best = (holding.touching - depth / PAD_TOUCH - LOOSE_COST * holding.loose).argmax()
+    fits = (holding.loose[best] < FIRM) & (depth[best] < TOO_DEEP)
     return found.take(best[None], "N"), tried[best], bool(fits)
 
 
 def moved_out_of(hands: HeldHands, other: OtherHands) -> HeldHands:
     """Hands shifted out of other hands."""
-    for _ in range(ROUNDS):
+    for _ in range(PUSHES):
         hands = replace(hands, wrist=hands.wrist + shifts_out_of_hand(hands, other))
     return hands
 
@@ -192,10 +192,10 @@ def shifts_out(
     """Shifts, smooth over time, that take a hand out of its object, the table and the other hand,
     metres.
 
-    The hand is moved along the surface normal at its deepest sphere, in `ROUNDS` iterations.
+    The hand is moved along the surface normal at its deepest sphere, in `PUSHES` iterations.
     """
     start, frames = hand.wrist, torch.arange(len(hand.wrist))
-    for _ in range(ROUNDS):
+    for _ in range(PUSHES):
         centers, radii = hand.spheres
         points = centers if len(solids.kind) > 1 else centers.flatten(0, 1)[None]
         distance, normal = solids.distance_and_normal(points)

@@ -24,7 +24,7 @@ from geneoh.synthesis.shapes.solids import Solids
 BACK, OUT = (0.06, 0.12), 12.0
 """Distances that a hand may retreat from its hold, metres, and the frames that this takes."""
 JOINED = (20.0, 40.0)  # frames from the hold until the hand is on its sampled way again
-DEEP = 0.006
+DEEP_ON_WAY = 0.006
 """Penetration depth on the way to or from a hold above which other ways are tried, metres."""
 FORCED = 0.1
 """Cost of wrist acceleration (metres per squared frame) relative to penetration depth (metres)."""
@@ -42,7 +42,7 @@ def withdrawn(
             continue
         drawn = hand.take(way, "N")
         deep = depths(drawn, way, solids, table, other)
-        if float(deep.amax()) < DEEP:
+        if float(deep.amax()) < DEEP_ON_WAY:
             continue
         ways = concatenated(
             [drawn, *_ways(drawn, hand.take(end[None], "N"), apart[way].float())], "N"

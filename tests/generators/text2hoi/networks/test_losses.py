@@ -5,8 +5,8 @@ import torch
 from made_actions import made_actions
 
 from geneoh.generators.text2hoi.networks.losses import (
-    STEP,
-    UNIT,
+    ERROR_UNIT,
+    VELOCITY_UNIT,
     LossWeights,
     distance_loss,
     drawn_points,
@@ -79,7 +79,7 @@ def test_velocities_count_and_places_do_not():
     thing[..., :3] += 0.1
     shifted = replace(clean, object=thing)
     assert velocity_loss(shifted, clean, joints + 0.05, joints) == pytest.approx(0, abs=1e-6)
-    ramp = STEP * torch.arange(20.0)
+    ramp = VELOCITY_UNIT * torch.arange(20.0)
     drifting = joints.clone()
     drifting[..., 0] += ramp[:, None]
     assert velocity_loss(clean, clean, drifting, joints) == pytest.approx(1, rel=1e-4)
@@ -110,7 +110,7 @@ def test_distances_count_where_they_are_less_than_two_centimetres_in_truth():
     found[0, 1, :, 1] += 0.01
     shown = torch.tensor([[[False, False], [True, True]]])
     given = (actions, torch.ones(1, 1), shown, LossWeights(points=1), draws(1))
-    assert distance_loss(found, true, *given) == pytest.approx((0.02 / UNIT) ** 2, rel=1e-3)
+    assert distance_loss(found, true, *given) == pytest.approx((0.02 / ERROR_UNIT) ** 2, rel=1e-3)
     hidden = (actions, torch.ones(1, 1), ~shown, LossWeights(points=1), draws(1))
     assert distance_loss(found, true, *hidden) == 0
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 from made_actions import made_actions
 
-from geneoh.generators.text2hoi.networks.objects import EVERY, Objects, contact_maps
+from geneoh.generators.text2hoi.networks.objects import CONTACT_EVERY, Objects, contact_maps
 from geneoh.synthesis.actions.action import TOUCHED
 
 
@@ -22,7 +22,7 @@ def test_a_point_is_touched_within_two_centimetres_of_a_keypoint_of_a_hand_that_
     points[:, 1] = at + torch.tensor([-1.1 * TOUCHED, 0.0, 0.0])
     wrist = torch.zeros(3, 2, 20, 3)
     wrist[..., 0] = 0.5
-    wrist[:, 1, EVERY] = at  # the right hand comes near in a single frame
+    wrist[:, 1, CONTACT_EVERY] = at  # the right hand comes near in a single frame
     actions = replace(
         actions,
         points=points,

@@ -8,7 +8,7 @@ from draws import seeded
 from geneoh.generators.text2hoi.physics.held_hands import HeldHands
 from geneoh.generators.text2hoi.physics.settling import solid_of
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
-from geneoh.generators.text2hoi.physics.withdrawing import DEEP, depths, withdrawn
+from geneoh.generators.text2hoi.physics.withdrawing import DEEP_ON_WAY, depths, withdrawn
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
 from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
@@ -47,8 +47,8 @@ def deepest(hand: HeldHands, plate, other=None) -> float:
 def test_a_hand_goes_around_a_wall_and_not_through_it(plate, before, after):
     drawn = beside(before, after)
     found = withdrawn(drawn, HOLD, plate, TABLE, None)
-    assert deepest(drawn, plate) > 2 * DEEP
-    assert deepest(found, plate) < DEEP
+    assert deepest(drawn, plate) > 2 * DEEP_ON_WAY
+    assert deepest(found, plate) < DEEP_ON_WAY
     for frames in (HOLD, torch.tensor([0, FRAMES - 1])):
         torch.testing.assert_close(found.take(frames, "N").wrist, drawn.take(frames, "N").wrist)
     steps = found.wrist.diff(dim=0).norm(dim=-1)
@@ -72,5 +72,5 @@ def test_a_hand_goes_around_another_one(plate):
     )
     other = OtherHands(*there.spheres)
     found = withdrawn(drawn, HOLD, plate, TABLE, other)
-    assert deepest(drawn, plate, other) > 2 * DEEP
-    assert deepest(found, plate, other) < DEEP
+    assert deepest(drawn, plate, other) > 2 * DEEP_ON_WAY
+    assert deepest(found, plate, other) < DEEP_ON_WAY
