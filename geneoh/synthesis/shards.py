@@ -1,6 +1,6 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -40,6 +40,8 @@ class ShardSource(Protocol):
 
 DEFAULTS = SynthesisConfig()
 ANY_OBJECTS = "those of --objects"  # for scanned objects whose fingerprint is not known yet
+KIND_MARKS = {"verb": "actions", "gesture": "bodies"}
+"""Kinds of clips (see `ShardConfig.kind`) by a tensor that only they have."""
 FORMER_FAMILIES = 32  # number of families of shards whose record does not hold it
 LARGEST_NUMBER = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
@@ -174,10 +176,11 @@ def shard_record(path: Path, defaults: ShardConfig = DEFAULTS) -> ShardRecord:
             settings of another version.
     """
     with whole_shard(path, defaults) as (shard, record):
-        found = kind_of(shard.keys())
+        names = frozenset(shard.keys())
         table, seed = dict(record["config"]), int(record["seed"])
         objects = str(record.get("objects", ""))
         families = int(record.get("families", FORMER_FAMILIES))
+    found = next((kind for mark, kind in KIND_MARKS.items() if mark in names), DEFAULTS.kind)
     if found != defaults.kind:
         raise InputError(
             f"{path}: expected {defaults.kind}, got {found}; name another folder, such as one that "
@@ -189,12 +192,6 @@ def shard_record(path: Path, defaults: ShardConfig = DEFAULTS) -> ShardRecord:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"
         ) from error
-
-
-def kind_of(names: Iterable[str]) -> str:
-    """The kind of clips (see `ShardConfig.kind`), recognised by the names of their tensors."""
-    marks = {"verb": "actions", "gesture": "bodies"}
-    return next((marks[name] for name in names if name in marks), DEFAULTS.kind)
 
 
 def unfinished(folder: Path, config: ShardConfig) -> tuple[str, ...]:

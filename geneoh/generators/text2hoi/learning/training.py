@@ -53,7 +53,9 @@ class ActionTask(SamplesTask):
     def loss(self, model: Any, samples: ActionSamples, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network."""
         if self.name == "contact":
-            return contact_task_loss(model, samples, self.config, draws)
+            noise = draws.normal(model.config.latent).to(samples.text)
+            known = samples.objects, samples.touched, samples.text
+            return contact_loss(model, *known, divergence=self.config.divergence, noise=noise)
         if self.interaction is not None:
             return refiner_task_loss(self.interaction, model, samples, self.config, draws)
         return interaction_loss(model, samples, self.config, draws)
@@ -154,20 +156,6 @@ def take_points(network: InteractionNetwork, contact: ContactNetwork) -> None:
             "contact --config contact_paper`"
         ) from error
     network.object.points.requires_grad_(False)
-
-
-def contact_task_loss(
-    network: ContactNetwork, samples: ActionSamples, config: Text2HoiConfig, draws: Draws
-) -> Float[Tensor, ""]:
-    """The loss of the contact network."""
-    return contact_loss(
-        network,
-        samples.objects,
-        samples.touched,
-        samples.text,
-        divergence=config.divergence,
-        noise=draws.normal(network.config.latent).to(samples.text),
-    )
 
 
 @dataclass(frozen=True)
