@@ -45,7 +45,7 @@ NO_OBJECT = (
 )
 NOT_REFINED = "poses of the object are not refined (--refine-object): there are none, or no mesh"
 POSES = "rotation", "translation"
-EXACT = "poses of the object are left as they are (--refine-object): they show no noise"
+EXACT = "poses of the object are left as they are (--refine-object): they count as exact"
 
 
 @checked_call

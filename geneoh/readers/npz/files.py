@@ -209,10 +209,10 @@ def sequence_in(
         notes = (*about_poses, *notes)
     motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
     if motion.valid is not None and motion.is_known:
-        lost = int((~motion.valid).any(1).sum())
-        gaps = f"{numbered(lost, 'frame')} without a pose of the object, filled in"
-        gaps = gaps if motion.is_seen else "there is no pose of the object in any frame"
-        about_object = (*about_object, gaps)
+        lost = int((~motion.valid[:, motion.seen_parts]).any(1).sum())
+        gaps = (f"{numbered(lost, 'frame')} without a pose of the object, filled in",)
+        never = ("there is no pose of the object in any frame",)
+        about_object += never if not motion.is_seen else gaps if lost else ()
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
     if clock is not None and sequence.frames == hands[0].frames:
         sequence, _ = clock.even(sequence)

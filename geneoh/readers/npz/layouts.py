@@ -84,6 +84,8 @@ BODY_LEFT_OUT = (
 MOST_NAMES = 25
 """Largest number of field names that a message lists."""
 
+OBJECT_NAMES = ("object_pose", "object_poses")
+"""Names for the poses of the object that are not read; `obj_pose` is."""
 TYPO_CUTOFF = 0.85
 """Similarity above which an unknown field name is taken for a misspelt one."""
 
@@ -165,7 +167,12 @@ def misspelt_fields(record: Record, layout: Layout) -> list[str]:
     known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, *MESH_FIELDS}
     missing = sorted(known - set(record.values))
     unknown = [name for name in record.values if name not in known]
-    close = [(name, difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)) for name in unknown]
+    has_poses = any(name in record for name in OBJECT_FIELDS[:3])
+    meant = {} if has_poses else {name: ["obj_pose"] for name in OBJECT_NAMES}
+    close = [
+        (name, meant.get(name) or difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF))
+        for name in unknown
+    ]
     warning = "'{}' is not read; is it '{}'?"
     return [warning.format(shortened(str(name), 40), match[0]) for name, match in close if match]
 

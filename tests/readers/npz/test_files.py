@@ -12,6 +12,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz.files import load, save_sequence
+from geneoh.readers.npz.layouts import OBJECT_FIELDS
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 
@@ -136,6 +137,34 @@ def test_what_is_assumed_of_keypoints_in_other_files_is_logged_as_of_an_npz(tmp_
         source = load(tmp_path / name, side="right").source
         assert "30 frames a second assumed" in source
         assert f"{name}: 30 frames a second assumed" in caplog.text
+
+
+def test_another_name_for_the_poses_of_the_object_is_told(tmp_path, caplog):
+    arrays = good_arrays()
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    hand = {name: arrays[name] for name in ("joints", "side", "fps")}
+    np.savez(tmp_path / "a.npz", **hand, object_pose=poses)
+    load(tmp_path / "a.npz")
+    assert "'object_pose' is not read; is it 'obj_pose'?" in caplog.text
+    caplog.clear()
+    pair = {name: arrays[name] for name in OBJECT_FIELDS[:2]}
+    for known in ({"obj_pose": poses}, pair):
+        np.savez(tmp_path / "a.npz", **hand, **known, object_pose=poses)
+        load(tmp_path / "a.npz")
+        assert caplog.text == ""
+
+
+def test_only_parts_that_are_seen_at_all_are_told_to_be_filled_in(tmp_path):
+    motion = {name: np.repeat(good_arrays()[name], 2, 1) for name in OBJECT_FIELDS[:2]}
+    seen = np.ones((FRAMES, 2), bool)
+    seen[:, 1] = False
+    joints = {name: good_arrays()[name] for name in ("joints", "side", "fps")}
+    for lost, words in ((0, ""), (3, "3 frames without a pose of the object, filled in")):
+        seen[:lost, 0] = False
+        np.savez(tmp_path / "a.npz", **joints, **motion, object_valid=seen)
+        source = load(tmp_path / "a.npz", obj=["examples/taco_object.obj"] * 2).source
+        assert words in source
+        assert ("filled in" in source) == bool(lost)
 
 
 def test_a_slip_in_a_field_name_is_told(tmp_path, caplog):
