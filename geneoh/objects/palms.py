@@ -53,8 +53,14 @@ class RigidMotion:
         return noise_level(self.places, self.seen, summary)
 
     def turn_changes(self) -> Float64[np.ndarray, " N"]:
-        """Change between consecutive rotation increments, radians."""
-        return np.linalg.norm(np.diff(increments(self.turns), axis=0), axis=1)
+        """Change between consecutive rotation increments, radians.
+
+        Beside a step of more than a quarter turn it is the size of the larger step: half a turn and
+        back may be two equal vectors or two opposite ones."""
+        steps = increments(self.turns)
+        changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
+        larger = sliding_window_view(np.linalg.norm(steps, axis=1), 2).max(1)
+        return np.where(larger > np.pi / 2, larger, changes)
 
     def place_changes(self) -> Float64[np.ndarray, " N"]:
         """Change between consecutive displacements, metres."""

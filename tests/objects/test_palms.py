@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.palms import RigidMotion, palm_at
+from geneoh.objects.palms import RigidMotion, palm_at, palm_of
+from geneoh.readers.npz.files import load
+from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES, FPS = 120, 30.0
@@ -90,6 +92,22 @@ def test_flips_and_jumps_are_found_beside_a_hand_that_shakes():
     torch.testing.assert_close(
         clean.translation[right], motion.translation[right], atol=1e-5, rtol=0
     )
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_half_a_turn_in_one_frame_is_found_beside_a_noisy_hand(axis):
+    """Half a turn and back were sometimes taken for motion that the palm shares, so that the whole
+    track counted as exact, and the object was relied on in no frame."""
+    clip = load("examples/taco_clean.npz", obj="examples/taco_object.obj")[40:80]
+    generator = torch.Generator().manual_seed(0)
+    palm = palm_of(corrupt_sequence(clip, "gauss", generator=generator).hands[0])
+    over = -torch.eye(3)
+    over[axis, axis] = 1.0
+    for frame in range(3, 37):
+        rotation = clip.object.rotation.clone()
+        rotation[frame, 0] = rotation[frame, 0] @ over
+        _, found = clean_object(replace(clip.object, rotation=rotation), FPS, (palm,))
+        assert torch.nonzero(found.left_out[:, 0])[:, 0].tolist() == [frame]
 
 
 def test_a_hand_that_is_hardly_seen_tells_nothing():
