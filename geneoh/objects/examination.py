@@ -56,7 +56,8 @@ class ObjectExamination(Bundle):
                 yield (
                     f"the pose of {name} shakes by {np.degrees(turns):.1f} degrees and "
                     f"{1000 * shifts:.1f} mm per axis: the hand was cleaned against a smooth track "
-                    "of it; --refine-object writes that track, --trust-object keeps the given poses"
+                    "of it; with --refine-object the result has poses that agree with the clean "
+                    "hands, with --trust-object the given ones are taken as exact"
                 )
             if count := int(self.left_out[:, part].sum()):
                 yield f"{numbered(count, 'frame')} in which the pose of {name} jumps, left out"
