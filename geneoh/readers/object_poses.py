@@ -71,7 +71,7 @@ class ObjectPoses:
         if self.times is not None and clock is not None and clock.is_of_times:
             return self.at_times(clock.values, where)
         if len(self.matrices) == frames:
-            return self.matrices, self._about_one_each(clock)
+            return self.matrices, self._about_one_each(clock, first)
         rows = first - self.first + np.arange(frames)
         if clock is not None and not clock.is_of_times:
             rows = np.rint(clock.values).astype(int) - self.first
@@ -81,14 +81,16 @@ class ObjectPoses:
             return self.matrices[rows], (words,)
         raise self._other_number(frames, where, clock, first)
 
-    def _about_one_each(self, clock: Clock | None) -> Notes:
+    def _about_one_each(self, clock: Clock | None, first: int) -> Notes:
         """A note where poses are taken one for each frame although times or numbers are known."""
+        number = first if clock is None else round(clock.values[0])
+        is_numbered = clock is not None or first > 0
         if clock is not None and clock.is_of_times:
             known = "the hand has times and the object's poses none"
         elif self.times is not None:
             known = "the object's poses have times and the hand none"
-        elif clock is not None and self.first and self.first != (begin := round(clock.values[0])):
-            known = f"the object's poses begin with frame {self.first} and the hand with {begin}"
+        elif self.first and is_numbered and number != self.first:
+            known = f"the object's poses begin with frame {self.first} and the hand with {number}"
         else:
             return ()
         return (f"{known}: taken one for each frame",)

@@ -507,6 +507,14 @@ def test_of_poses_of_the_whole_video_those_of_the_frames_are_taken(later, more):
     assert f"of the object's {count} poses those of frames 5 to {FRAMES + 4}" in read.source
 
 
+def test_as_many_poses_with_other_numbers_are_told(later):
+    (later / "poses").mkdir()
+    for number, pose in enumerate(poses_of(FRAMES)):
+        np.savetxt(later / "poses" / f"{number + 2:06d}.txt", pose)
+    read = geneoh.read("hamer", later / "video.pt", object_pose=later / "poses")
+    assert "begin with frame 2 and the hand with 5: taken one for each frame" in read.source
+
+
 @pytest.mark.parametrize("first", [0, 3, 5])
 def test_texts_of_poses_are_taken_by_their_numbers(later, first):
     (later / "poses").mkdir()
