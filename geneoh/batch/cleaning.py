@@ -17,9 +17,13 @@ from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.results import Denoised, save
 from geneoh.readers.base import SourceClip
 from geneoh.readers.npz.files import load
-from geneoh.readers.recordings import options_with_files, read_clip, source_named
+from geneoh.readers.recordings import (
+    check_recording,
+    options_with_files,
+    read_clip,
+    source_named,
+)
 from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.validation import check_sequence
 
 LOG = logging.getLogger(__name__)
 
@@ -117,7 +121,7 @@ def sequences_of(
     source_clip = SourceClip(clip.name, clip.path)
     recordings = read_clip(source_named(clip.source), source_clip, options)
     for recording in recordings:
-        check_sequence(recording.sequence, recording.name)
+        check_recording(recording)
     return [(recording.name, recording.sequence) for recording in recordings]
 
 

@@ -25,10 +25,9 @@ from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz.files import save_sequence
 from geneoh.readers.object_poses import ObjectPoses
-from geneoh.readers.recordings import read_clip, refuse_unused
+from geneoh.readers.recordings import check_recording, read_clip, refuse_unused
 from geneoh.readers.registry import Source
 from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.validation import check_sequence
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def convert_clip(
         if check:
             found += [f"{recording.name}: {words}" for words in contradictions(recording)]
         else:
-            check_sequence(recording.sequence, recording.name)
+            check_recording(recording)
     notes = tuple(dict.fromkeys(note for recording in recordings for note in notes_on(recording)))
     if folder is None or found:
         return ConversionOutcome(clip, contradictions=tuple(found), notes=notes)

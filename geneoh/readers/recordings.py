@@ -57,8 +57,17 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
 def read_recording(source: str, path: Path, clip: str | None = None, **options: Any) -> Recording:
     """As `read`, with the notes on what was assumed."""
     recording = read_one(source, path, options_with_files(**options), clip)
-    check_sequence(recording.sequence, recording.name)
+    check_recording(recording)
     return recording
+
+
+def check_recording(recording: Recording) -> None:
+    """Raise `InputError` if a recording cannot be an interaction, with notes that name a remedy."""
+    try:
+        check_sequence(recording.sequence, recording.name)
+    except InputError as error:
+        hints = [note for note in recording.notes if "pass --" in note]
+        raise InputError("; ".join([str(error), *hints])) from None
 
 
 def options_with_files(

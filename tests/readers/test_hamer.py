@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from trees import FRAMES, case_of, scene
+from trees.writers import write_mesh
 
 import geneoh
 from geneoh.errors import ConfigError, InputError
@@ -189,6 +190,16 @@ def test_other_values_are_refused(tmp_path, held):
     (tmp_path / "video.pkl").write_bytes(pickle.dumps(held))
     with pytest.raises(InputError, match="expected detections"):
         geneoh.read("hamer", tmp_path)
+
+
+def test_hands_that_are_too_far_for_want_of_a_focal_length_are_told_its_option(tmp_path):
+    CASE.write(tmp_path)
+    s = scene(CASE.left)
+    write_mesh(tmp_path / "object.obj", s.verts, s.faces)
+    how = {"obj": tmp_path / "object.obj", "object_pose": s.matrices()}
+    geneoh.read("hamer", tmp_path, focal=FOCAL, **how)
+    with pytest.raises(InputError, match=r"must come near the object.* too deep, pass --focal$"):
+        geneoh.read("hamer", tmp_path, **how)
 
 
 @pytest.mark.parametrize("focal", [-5.0, 0.0, np.nan, np.inf])
