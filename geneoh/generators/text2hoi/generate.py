@@ -23,7 +23,7 @@ from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
-from geneoh.generators.text2hoi.physics.resting import eased_time, finished
+from geneoh.generators.text2hoi.physics.resting import eased_time, finished, touching_hands
 from geneoh.generators.text2hoi.physics.settling import settled
 from geneoh.generators.text2hoi.physics.standing import StandingObject, stand_on_table
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
@@ -171,12 +171,7 @@ def generate(
     else:
         settle = partial(settled, stood=stood, generator=hold)
         actions = finished(actions, settle if settles else None)
-    if prompt.verb != "press" and moved_by(actions) < STILL:
-        told = "more frames or another seed may make it move"
-        notes = (*notes, f"the object hardly moves in these {frames} frames; {told}")
-    if not passed_by(actions, [prompt.giver]).all():
-        fault = f"the {prompt.giver} hand does not pass the object on"
-        notes = (*notes, _fault_note(options.draws, fault))
+    notes = (*notes, *_missing(actions, prompt, options.draws))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
     sequence, refined = placed_sequence(actions, stood, meshes, prompt.sentence), None
     if options.refine == "geneoh":
@@ -188,6 +183,20 @@ def generate(
         refined = result_at_times(refined, time)
         sequence = replace(refined.sequence, source=sequence.source)
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
+
+
+def _missing(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ...]:
+    """Notes on what the sentence asks for and the finished first action lacks."""
+    found = []
+    if prompt.verb != "press" and moved_by(actions)[0] < STILL:
+        told = "more frames or another seed may make it move"
+        found.append(f"the object hardly moves in these {int(actions.length[0])} frames; {told}")
+    idle = actions.hands[0] & ~touching_hands(actions)[0].any(1)
+    for side in (side for side, away in zip(SIDES, idle.tolist(), strict=True) if away):
+        found.append(_fault_note(draws, f"the {side} hand does not come to the object"))
+    if not passed_by(actions, [prompt.giver]).all():
+        found.append(_fault_note(draws, f"the {prompt.giver} hand does not pass the object on"))
+    return tuple(found)
 
 
 def _length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:

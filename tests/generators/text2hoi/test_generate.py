@@ -176,6 +176,16 @@ def test_hands_that_do_not_carry_the_object_are_told(mug, monkeypatch):
         assert sum("motion hands are not always at the object" in note for note in notes) == told
 
 
+def test_a_hand_that_does_not_come_to_the_object_is_told(mug, monkeypatch):
+    for left, told in ((False, 1), (True, 0)):
+        touching = torch.tensor([[[False, left], [False, True]]])
+        monkeypatch.setattr(module, "touching_hands", lambda _, touching=touching: touching)
+        notes = generate("lift it with both hands", mug, PLAIN).prompt.notes
+        said_so = "in the best of 8 drawn motions the left hand does not come to the object"
+        assert sum(said_so in note for note in notes) == told
+        assert not any("right hand does not" in note for note in notes)
+
+
 @pytest.mark.parametrize(("said", "told"), [("lift it", True), ("press it", False)])
 def test_an_object_that_hardly_moves_is_told_unless_it_is_pressed(mug, monkeypatch, said, told):
     def notes_of(moved):
