@@ -104,6 +104,7 @@ def _serve(files: tuple[Path, ...], obj: tuple[Path, ...], opened: Any, up: Any,
     from contextlib import suppress
     from functools import partial
 
+    from geneoh.errors import numbered
     from geneoh.viz.serve import Gallery, gallery_items
 
     with progress.progress_bars() as on_progress:
@@ -111,7 +112,7 @@ def _serve(files: tuple[Path, ...], obj: tuple[Path, ...], opened: Any, up: Any,
     for words in left_out:
         click.echo(f"left out: {words}", err=True)
     gallery = Gallery(items, up=up, port=port)
-    click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
+    click.echo(f"{numbered(len(items), 'result')} at {gallery.address}, Ctrl-C ends")
     with suppress(KeyboardInterrupt):
         gallery.run()
 

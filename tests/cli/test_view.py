@@ -179,6 +179,8 @@ def test_results_are_looked_at_live(geneoh, folder, monkeypatch):
     assert "2 results at http://127.0.0.1:" in result.stdout
     assert "left out: bad: bad.npz" in result.stderr.replace(f"{folder}/", "")
     assert shown == ["hand_clean"]  # neither touches the box: the first that was named
+    result = geneoh("view", "--serve", "hand_clean.npz", "--port", 0)
+    assert "1 result at http://127.0.0.1:" in result.stdout
 
 
 REFUSED = {
