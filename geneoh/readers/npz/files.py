@@ -29,7 +29,7 @@ from geneoh.readers.npz.meshes import (
     IN_NO_FILE,
     find_meshes,
     mesh_arrays,
-    other_mesh,
+    notes_on_meshes,
 )
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
@@ -120,7 +120,7 @@ def load(
     record = with_joint_order(record, layout, joint_order)
     record = with_callers(record, "obj_pose", given and given.matrices)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
-    about_mesh: Notes = () if meshes is None else other_mesh(record, meshes)
+    about_mesh = () if meshes is None else notes_on_meshes(record, meshes)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
     # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):

@@ -57,15 +57,24 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
     return tuple(meshes), ""
 
 
-def other_mesh(record: Record, meshes: tuple[Mesh, ...]) -> Notes:
+def notes_on_meshes(record: Record, meshes: tuple[Mesh, ...]) -> Notes:
     """A note where none of a caller's meshes, nor of their parts, is one that an npz has hashes of.
 
     The poses in the npz may be wrong for another mesh, which may have another origin or size.
+
+    Raises:
+        InputError: the meshes are those of the npz, in another order than that of its parts.
     """
     if HASHES not in record:
         return ()
-    hashes = record.texts(HASHES)
-    if any(each.sha256 in hashes for mesh in meshes for each in (mesh, *mesh.parts)):
+    stored, given = record.texts(HASHES), [mesh.sha256 for mesh in meshes]
+    if given != stored and sorted(given) == sorted(stored):
+        numbers = ", ".join(str(stored.index(each) + 1) for each in given)
+        raise InputError(
+            f"{record.where}: expected the meshes in the order of the parts, got those of the "
+            f"parts {numbers}; exchange them"
+        )
+    if any(each.sha256 in stored for mesh in meshes for each in (mesh, *mesh.parts)):
         return ()
     return ("the mesh in --obj is another one than the file was written with",)
 

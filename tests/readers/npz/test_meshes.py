@@ -146,3 +146,19 @@ def test_a_file_of_several_meshes_is_its_parts_where_there_are_as_many_poses(kep
     geneoh.save(sequence, scene.with_name("again.npz"))
     again = geneoh.load(scene.with_name("again.npz")).object.meshes
     assert [mesh.sha256 for mesh in again] == [mesh.sha256 for mesh in sequence.object.meshes]
+
+
+def test_the_meshes_of_the_parts_in_another_order_are_refused(tmp_path):
+    lid = tmp_path / "lid.obj"
+    trimesh.creation.box((0.1, 0.1, 0.01)).export(lid)
+    one = geneoh.load(EXAMPLES / "taco_noisy.npz", obj=EXAMPLES / "taco_object.obj")
+    motion = one.object.rotation.expand(-1, 2, -1, -1), one.object.translation.expand(-1, 2, -1)
+    meshes = (*one.object.meshes, load_mesh(lid))
+    track = replace(
+        one.object, meshes=meshes, rotation=motion[0], translation=motion[1], valid=None
+    )
+    geneoh.save(replace(one, object=track), tmp_path / "a.npz")
+    files = [EXAMPLES / "taco_object.obj", lid]
+    assert len(geneoh.load(tmp_path / "a.npz", obj=files).object.meshes) == 2
+    with pytest.raises(InputError, match=r"a\.npz: .*got those of the parts 2, 1; exchange them"):
+        geneoh.load(tmp_path / "a.npz", obj=files[::-1])
