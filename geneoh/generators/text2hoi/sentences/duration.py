@@ -25,8 +25,14 @@ _NUMBER = rf"{_FRACTION}|\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of 
 _ABOUT = r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just) )*"
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
-    rf"(?P<words>(?P<before>{_BEFORE})(?P<number>\b(?:{_NUMBER}))(?: of)?(?: |-)?"
+    rf"(?P<words>(?P<before>{_BEFORE})(?P<minus>(?<!\S)-|\bminus )?(?P<number>\b(?:{_NUMBER}))"
+    r"(?: of)?(?: |-)?"
     r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b(?: long)?)",
+    re.IGNORECASE,
+)
+_RATE = re.compile(
+    rf"\b(?:at |in )?{_ABOUT}(?P<number>\b(?:{_NUMBER}))(?: |-)?"
+    r"(?:fps|frames? (?:a|per|every|each) sec(?:ond)?|frames? ?/ ?s(?:ec(?:ond)?)?)\b",
     re.IGNORECASE,
 )
 _NO_LENGTH = re.compile(r"\b(after|every|each|ago|until|the)$", re.IGNORECASE)
@@ -58,7 +64,18 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
         (size for unit, size in _UNITS.items() if match["unit"].lower().startswith(unit[:3])), FPS
     )
     rest = sentence[: match.start()] + sentence[match.end() :]
-    return " ".join(rest.split()), Stated(match["words"], round(each * number_of(match["number"])))
+    frames = round(each * number_of(match["number"]))
+    return " ".join(rest.split()), Stated(match["words"], -frames if match["minus"] else frames)
+
+
+def without_rate(sentence: str) -> tuple[str, tuple[str, ...]]:
+    """A sentence without the frame rate that it states, and a note where that is another one."""
+    match = _RATE.search(sentence)
+    if match is None:
+        return sentence, ()
+    rest = sentence[: match.start()] + sentence[match.end() :]
+    note = f"'{match[0].strip()}' is not followed: the clip has {FPS:g} frames a second"
+    return " ".join(rest.split()), () if number_of(match["number"]) == FPS else (note,)
 
 
 def _is_length(match: re.Match[str]) -> bool:

@@ -10,7 +10,11 @@ from geneoh.generators.pieces import words_of
 from geneoh.generators.sentences import check_english, nearest_word, refused
 from geneoh.generators.text2hoi.networks.text import shipped_model
 from geneoh.generators.text2hoi.sentences.captions import ADJECTIVES
-from geneoh.generators.text2hoi.sentences.duration import length_in_frames, stated_length
+from geneoh.generators.text2hoi.sentences.duration import (
+    length_in_frames,
+    stated_length,
+    without_rate,
+)
 from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.sentences.negation import no_hand_in, rules_out, without_ruled_out
 from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS, outcomes_as_verbs
@@ -81,7 +85,8 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     sentence = " ".join(text.split())
     words, on = words_of(sentence), "hands and an object"
     check_english(sentence, words, known_words(), on=on, example=EXAMPLE)
-    rest, stated = stated_length(sentence.replace("\u2019", "'"))
+    rest, rate_notes = without_rate(sentence.replace("\u2019", "'"))
+    rest, stated = stated_length(rest)
     length = length_in_frames(sentence, stated) if frames is None else None
     remaining, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
     words = outcomes_as_verbs(remaining.split(), jointed=jointed)
@@ -94,7 +99,7 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     if jointed and verb not in JOINTED:
         verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
     hands, hand_notes = asked_hands(made_of, words, verb)
-    notes = (*verb_notes, *left_out, *hand_notes)
+    notes = (*verb_notes, *left_out, *hand_notes, *rate_notes)
     if stated is not None:
         instead = "" if length else f", but {frames} are asked for"
         notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)

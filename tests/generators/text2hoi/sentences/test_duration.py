@@ -69,3 +69,25 @@ def test_a_length_that_no_clip_has_is_refused(length):
 def test_two_lengths_are_refused():
     with pytest.raises(InputError, match="one length, found 'for two seconds' and 'for 3 seconds'"):
         stated_length("lift it for two seconds and hold it for 3 seconds")
+
+
+@pytest.mark.parametrize(
+    ("said", "told", "frames"),
+    [
+        ("at 24 fps", "'at 24 fps' is not followed: the clip has 30 frames a second", None),
+        ("at 24 frames per second", "'at 24 frames per second' is not followed", None),
+        ("for 48 frames at 60 frames/s", "'at 60 frames/s' is not followed", 48),
+        ("at thirty frames a second for 2 seconds", None, 60),
+    ],
+)
+def test_a_frame_rate_is_no_length_and_another_one_is_told(said, told, frames):
+    prompt = read_prompt(f"lift the mug with the left hand {said}")
+    assert (prompt.told, prompt.frames) == ("lift the mug with the left hand", frames)
+    notes = [note for note in prompt.notes if "not followed" in note]
+    assert [note.startswith(told or "none") for note in notes] == [True] * (told is not None)
+
+
+@pytest.mark.parametrize("said", ["for -2 seconds", "for minus two seconds"])
+def test_a_negative_length_is_refused(said):
+    with pytest.raises(InputError, match=f"expected a length of 2 to 150 frames.*found '{said}'"):
+        read_prompt(f"lift the mug {said}")
