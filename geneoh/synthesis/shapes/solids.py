@@ -24,20 +24,20 @@ FAR_AWAY = 10.0  # coordinate of the centres of unused solids, metres, not near 
 
 
 def distance_to_box(
-    local: Float[Tensor, "B S P 3"],
-    size: Float[Tensor, "B S 1 3"],
-    rounding: Float[Tensor, "B S 1"],
-) -> Float[Tensor, "B S P"]:
+    local: Float[Tensor, "N P 3"],
+    size: Float[Tensor, "N 1 3"],
+    rounding: Float[Tensor, "N 1"],
+) -> Float[Tensor, "N P"]:
     """Signed distance of points in the frames of boxes with round edges, metres."""
     q = local.abs() - (size - rounding[..., None])
     return q.clamp(min=0).norm(dim=-1) + q.amax(-1).clamp(max=0) - rounding
 
 
 def distance_to_cylinder(
-    local: Float[Tensor, "B S P 3"],
-    size: Float[Tensor, "B S 1 3"],
-    rounding: Float[Tensor, "B S 1"],
-) -> Float[Tensor, "B S P"]:
+    local: Float[Tensor, "N P 3"],
+    size: Float[Tensor, "N 1 3"],
+    rounding: Float[Tensor, "N 1"],
+) -> Float[Tensor, "N P"]:
     """Signed distance of points in the frames of cylinders with round edges, metres."""
     c = torch.stack([local[..., :2].norm(dim=-1), local[..., 2].abs()], -1) - size[..., 1:]
     c = c + rounding[..., None]
@@ -45,8 +45,8 @@ def distance_to_cylinder(
 
 
 def distance_to_ellipsoid(
-    local: Float[Tensor, "B S P 3"], size: Float[Tensor, "B S 1 3"], _: Float[Tensor, "B S 1"]
-) -> Float[Tensor, "B S P"]:
+    local: Float[Tensor, "N P 3"], size: Float[Tensor, "N 1 3"], _: Float[Tensor, "N 1"]
+) -> Float[Tensor, "N P"]:
     """First-order bound k0 (k0 - 1) / k1 of the signed distance to ellipsoids, metres."""
     k0 = (local / size).norm(dim=-1)
     k1 = (local / size**2).norm(dim=-1).clamp(min=1e-6)
@@ -54,8 +54,8 @@ def distance_to_ellipsoid(
 
 
 def distance_to_torus(
-    local: Float[Tensor, "B S P 3"], size: Float[Tensor, "B S 1 3"], _: Float[Tensor, "B S 1"]
-) -> Float[Tensor, "B S P"]:
+    local: Float[Tensor, "N P 3"], size: Float[Tensor, "N 1 3"], _: Float[Tensor, "N 1"]
+) -> Float[Tensor, "N P"]:
     """Signed distance of points in the frames of tori, metres."""
     ring = local[..., :2].norm(dim=-1) - size[..., 0]
     return torch.stack([ring, local[..., 2]], -1).norm(dim=-1) - size[..., 1]
@@ -147,20 +147,19 @@ class Solids(Bundle):
         Ellipsoids use a bound of first order; a union has the least distance of its solids. Both
         are zero on the surface with the right gradient there.
         """
-        used = (self.center[..., 0] < FAR_AWAY / 2).any(0)
-        used[0] = True  # the distance to an object without a solid is large as well
-        kind, size, rounding = self.kind[:, used], self.size[:, used], self.rounding[:, used]
-        local = (points[:, None] - self.center[:, used, None]) @ self.rotation[:, used]
-        each = local.new_zeros(local.shape[:-1])
+        used = self.center[..., 0] < FAR_AWAY / 2
+        kinds = self.kind.clamp(max=SCAN)
+        each = points.new_full((*used.shape, points.shape[1]), FAR_AWAY)
         # only what there is: most of the time of a search for grasps is spent here
-        for simple in kind[kind < SCAN].unique().tolist():
-            distance = DISTANCES[simple](local, size[:, :, None], rounding[:, :, None])
-            each = torch.where(kind[:, :, None] == simple, distance, each)
-        if self.scans is not None:
-            at = torch.nonzero(kind >= SCAN, as_tuple=True)
-            scale = size[at][:, None]
-            scanned = self.scans.distance(kind[at] - SCAN, local[at] / scale)
-            each = each.index_put(at, scanned * scale[..., 1])
+        for kind in kinds[used].unique().tolist():
+            at = torch.nonzero(used & (kinds == kind), as_tuple=True)
+            from_center = points.index_select(0, at[0]) - self.center[at][:, None]
+            local, size = from_center @ self.rotation[at], self.size[at][:, None]
+            if kind == SCAN and self.scans is not None:
+                found = self.scans.distance(self.kind[at] - SCAN, local / size) * size[..., 1]
+            else:
+                found = DISTANCES[kind](local, size, self.rounding[at][:, None])
+            each = each.index_put(at, found)
         return each.amin(1)
 
     def distance_and_normal(
