@@ -13,6 +13,7 @@ from torch import Tensor
 from geneoh.arguments import checked_call
 from geneoh.choices import STRIP_CELL, Axis, Colouring, Side
 from geneoh.config import as_field_type
+from geneoh.errors import InputError
 from geneoh.files.atomic import write_whole
 from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
@@ -89,6 +90,11 @@ def view(
         refuse_without_mano(mano_dir)
     look = Look(colouring=colouring, up=up or "z", frames=chosen, cell=cell)
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
+    if obj and not any(isinstance(given, Path | str) for given in (result, before)):
+        raise InputError(
+            "geneoh.view: 'obj' is for npz files, got a result in memory, which holds its meshes; "
+            "leave it out, or load the result with geneoh.load(FILE, obj=MESH)"
+        )
     if path is not None:
         read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
         remedy = "delete it, or choose another name"

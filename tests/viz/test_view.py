@@ -127,3 +127,9 @@ def test_a_mesh_beside_the_folder_of_meshes_stays(sequences, tmp_path):
     (tmp_path / "hand.obj").write_text("mine")
     assert view(sequences[1], tmp_path / "hand.obj").is_dir()
     assert (tmp_path / "hand.obj").read_text() == "mine"
+
+
+def test_meshes_for_a_result_in_memory_would_be_ignored_and_are_refused(sequences, tmp_path):
+    with pytest.raises(InputError, match="'obj' is for npz files, got a result in memory"):
+        view(sequences[1], tmp_path / "a.png", obj=tmp_path / "other.obj")
+    assert not (tmp_path / "a.png").exists()
