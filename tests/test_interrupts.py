@@ -1,13 +1,16 @@
 """Ctrl-C that waits."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
+import geneoh
 from geneoh.interrupts import interrupts_wait
 
 
@@ -61,13 +64,13 @@ def test_other_threads_are_left_alone():
     assert seen == [signal.default_int_handler]
 
 
-FIRST_TRIMESH = """
+FIRST_IMPORTS = """
 import signal, sys
 
 class Watch:
     def find_spec(self, name, *_):
-        if name == "trimesh":
-            print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+        if name in ("igl", "trimesh"):
+            print(name, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.meta_path.insert(0, Watch())
@@ -75,9 +78,15 @@ import geneoh.viz.outputs
 """
 
 
-def test_an_interrupt_waits_while_viewing_imports_trimesh():
-    """It catches every exception while it is imported, and Ctrl-C would be lost."""
+def test_an_interrupt_waits_while_viewing_imports_libigl_and_trimesh():
+    """trimesh catches every exception while it is imported, and libigl ends with std::bad_cast."""
     done = subprocess.run(
-        [sys.executable, "-c", FIRST_TRIMESH], capture_output=True, text=True, check=True
+        [sys.executable, "-c", FIRST_IMPORTS], capture_output=True, text=True, check=True
     )
-    assert done.stdout == "False\n"
+    assert sorted(done.stdout.splitlines()) == ["igl False", "trimesh False"]
+
+
+def test_libigl_is_imported_nowhere_without_this():
+    files = Path(geneoh.__file__).parent.rglob("*.py")
+    bare = re.compile(r"^(import|from) igl\b", re.MULTILINE)
+    assert [file.name for file in files if bare.search(file.read_text("utf-8"))] == []

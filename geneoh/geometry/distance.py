@@ -11,7 +11,6 @@ from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
 
-import igl
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
@@ -21,6 +20,10 @@ from geneoh.geometry.coarse_distance import CELLS, CoarseDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.solid import Solid, as_arrays, build_solid
+from geneoh.interrupts import interrupts_wait
+
+with interrupts_wait():
+    import igl
 
 ON_SURFACE = 1e-7  # metres below which the direction to the surface is noise: use its normal
 NEARLY_ON = 1e-5  # the same in float32

@@ -1,6 +1,5 @@
 """A closed mesh of an object that is known only by points on its surface and their normals."""
 
-import igl
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -8,6 +7,10 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from geneoh.geometry.mesh import Mesh
+from geneoh.interrupts import interrupts_wait
+
+with interrupts_wait():
+    import igl
 
 GRID_SPACING, MOST_CELLS = 0.004, 40
 """Spacing of the marching cubes grid in metres, where thinner walls get holes; and most cells along

@@ -10,7 +10,6 @@ kept on the CPU, where libigl works.
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
@@ -19,6 +18,10 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked_mesh, welded
 from geneoh.geometry.openings import connected, open_edges, rims, thickened
+from geneoh.interrupts import interrupts_wait
+
+with interrupts_wait():
+    import igl
 
 OPENING_SHARE = 0.05
 """Share of its shell's area above which a hole counts as an opening of a sheet.

@@ -7,7 +7,6 @@ meets the object first. A point is in contact when its correspondence is at most
 Source: Zhou et al., TOCH, 2022, section 3.1; GeneOH Diffusion, C.2 (contact IoU).
 """
 
-import igl
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
@@ -18,7 +17,11 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.openings import capped
 from geneoh.geometry.sampling import SurfaceSamples, sample_surface
 from geneoh.geometry.solid import as_arrays
+from geneoh.interrupts import interrupts_wait
 from geneoh.metrics.contact import CONTACT_MAP
+
+with interrupts_wait():
+    import igl
 
 OBJECT_POINTS = 8000  # points on an object, as in TOCH, distributed over its parts by area
 RAY_OFFSET = 1e-4  # metres from a point at which its ray may first be blocked by the object (TOCH)

@@ -1,6 +1,5 @@
 """Meshes made ready for drawing: coarse enough, with sharp edges, with normals."""
 
-import igl
 import numpy as np
 import torch
 from jaxtyping import Float, Int
@@ -9,6 +8,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.interrupts import interrupts_wait
 
 with interrupts_wait():
+    import igl
     import trimesh
 
 SHARP_ANGLE = np.deg2rad(50.0)  # faces that meet at more do not share normals, radians

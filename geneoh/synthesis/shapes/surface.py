@@ -1,11 +1,14 @@
 """Objects of the synthesis as triangle meshes, for metrics and pictures."""
 
-import igl
 import numpy as np
 import torch
 
 from geneoh.geometry.mesh import Mesh
+from geneoh.interrupts import interrupts_wait
 from geneoh.synthesis.shapes.solids import FAR_AWAY, TORUS, Solids
+
+with interrupts_wait():
+    import igl
 
 SPACING = 0.002  # between grid points of marching cubes, metres; the thinnest parts are 3 mm thick
 COARSEST, THICKNESS_SHARE = 0.004, 0.6
