@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import quick_generation
 import torch
 from torch import Tensor
 
@@ -111,5 +112,8 @@ def test_what_is_loaded_within_inference_mode_takes_part_in_gradients(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("call", [read, cleaned, streamed, generated, made_on_body, scored])
-def test_no_call_heeds_the_modes_of_its_caller_or_draws_its_random_numbers(call, tmp_path):
+def test_no_call_heeds_the_modes_of_its_caller_or_draws_its_random_numbers(
+    call, tmp_path, monkeypatch
+):
+    quick_generation.use(monkeypatch)
     assert_undisturbed(call, MODES.values(), tmp_path)

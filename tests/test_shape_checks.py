@@ -4,7 +4,7 @@ import pytest
 import torch
 from beartype import beartype
 from jaxtyping import Float, TypeCheckError
-from shape_checks import CALLS, jaxtyped
+from shape_checks import CALLS, begin_test, jaxtyped
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -30,3 +30,17 @@ def test_later_calls_are_not_checked_and_those_of_other_functions_are() -> None:
     assert length(torch.zeros(2)) == 0
     with pytest.raises(TypeCheckError):
         axis_angle_to_matrix(torch.zeros(4, 2))
+
+
+def test_a_function_within_another_one_is_checked_and_called_with_what_it_closes_over() -> None:
+    def longer_by(more: float):
+        @jaxtyped(typechecker=beartype)
+        def longer(vector: Float[Tensor, " 3"], times: int = 1) -> Float[Tensor, ""]:
+            return more + (longer_by(2 * more)(vector, times - 1) if times else length(vector))
+
+        return longer
+
+    assert [float(longer_by(more)(torch.zeros(3))) for more in (1.0, 2.0)] == [3.0, 6.0]
+    begin_test()
+    with pytest.raises(TypeCheckError):
+        longer_by(1.0)(torch.zeros(2))

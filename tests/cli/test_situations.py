@@ -13,6 +13,7 @@ from pathlib import Path
 import bad_inputs as bad
 import numpy as np
 import pytest
+import quick_presets
 from bad_inputs import BOX_CORNERS, BOX_FACES, FRAMES, good_arrays, with_arrays, write_mesh
 from click.testing import CliRunner
 from recorded_inputs import (
@@ -469,6 +470,7 @@ def folder(tmp_path, monkeypatch):
     """A folder with a good track and a good mesh, which is the working directory."""
     bad.write_good(tmp_path)
     monkeypatch.chdir(tmp_path)
+    quick_presets.use(monkeypatch)  # what is said does not hang on how well a hand is fitted
     return tmp_path
 
 

@@ -7,7 +7,9 @@ checks above all. So jaxtyping sees the first calls alone.
 
 import dataclasses
 import functools
+import threading
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 import jaxtyping
@@ -49,18 +51,52 @@ def jaxtyped(*, typechecker: Callable[..., Any]) -> Callable[[Any], Any]:
 def _checked(function: Callable[..., Any], typechecker: Callable[..., Any]) -> Callable[..., Any]:
     """The function, which jaxtyping wraps when its first call is checked."""
     key = id(function.__code__)
-    by_type: Callable[..., Any] | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal by_type
         __tracebackhide__ = True
         calls = _calls.get(key, 0)
         if calls >= CALLS:
             return function(*args, **kwargs)
         _calls[key] = calls + 1
-        by_type = by_type or by_jaxtyping(function, typechecker=typechecker)
-        return by_type(*args, **kwargs)
+        if key not in _checks:
+            _checks[key] = _Check(function, typechecker)
+        return _checks[key](function, args, kwargs)
 
     setattr(call, MARK, True)
     return call
+
+
+class _Check:
+    """What jaxtyping makes of a function, for all functions of the same code.
+
+    A function within another one is made anew in each call of that one, and jaxtyping takes a
+    millisecond for each.
+    """
+
+    def __init__(self, function: Callable[..., Any], typechecker: Callable[..., Any]) -> None:
+        self.code = function.__code__  # kept, so that no other one gets its id
+        self.local = local = threading.local()
+
+        def latest(*args: Any, **kwargs: Any) -> Any:
+            __tracebackhide__ = True
+            return local.functions[-1](*args, **kwargs)
+
+        # in the names of the function's module, in which its annotations are looked up
+        named = FunctionType(latest.__code__, function.__globals__, closure=latest.__closure__)
+        functools.update_wrapper(named, function)
+        self.by_type = by_jaxtyping(named, typechecker=typechecker)
+
+    def __call__(self, function: Callable[..., Any], args: Any, kwargs: Any) -> Any:
+        """Call the function with its arguments and its result checked."""
+        __tracebackhide__ = True
+        functions = self.local.__dict__.setdefault("functions", [])
+        functions.append(function)
+        try:
+            return self.by_type(*args, **kwargs)
+        finally:
+            functions.pop()
+
+
+_checks: dict[int, _Check] = {}
+"""The checks that were made, by the id of the functions' code."""
