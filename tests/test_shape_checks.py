@@ -1,5 +1,7 @@
 """The first calls of each function in each test are checked, and no others."""
 
+from collections.abc import Iterator
+
 import pytest
 import torch
 from beartype import beartype
@@ -44,3 +46,23 @@ def test_a_function_within_another_one_is_checked_and_called_with_what_it_closes
     begin_test()
     with pytest.raises(TypeCheckError):
         longer_by(1.0)(torch.zeros(2))
+
+
+@jaxtyped(typechecker=beartype)
+def rest(vector: Float[Tensor, " N"]) -> Float[Tensor, " N"]:
+    """Wrongly, all but the first number."""
+    return vector[1:]
+
+
+@jaxtyped(typechecker=beartype)
+def numbers(vector: Float[Tensor, " 3"]) -> Iterator[float]:
+    """The numbers of a vector of space, one after the other."""
+    yield from vector.tolist()
+
+
+def test_results_and_what_is_given_one_by_one_are_checked_too() -> None:
+    with pytest.raises(TypeCheckError):
+        rest(torch.zeros(3))
+    assert list(numbers(torch.zeros(3))) == [0, 0, 0]
+    with pytest.raises(TypeCheckError):
+        list(numbers(torch.zeros(2)))

@@ -7,12 +7,14 @@ checks above all. So jaxtyping sees the first calls alone.
 
 import dataclasses
 import functools
+import inspect
 import threading
 from collections.abc import Callable
-from types import FunctionType
-from typing import Any
+from types import FunctionType, SimpleNamespace
+from typing import Any, get_type_hints
 
 import jaxtyping
+from beartype.roar import BeartypeCallHintViolation
 
 CALLS = 3  # calls of each function that are checked in each test
 MARK = "_first_calls_are_checked"
@@ -56,7 +58,7 @@ def _checked(function: Callable[..., Any], typechecker: Callable[..., Any]) -> C
     def call(*args: Any, **kwargs: Any) -> Any:
         __tracebackhide__ = True
         calls = _calls.get(key, 0)
-        if calls >= CALLS:
+        if calls >= CALLS or jaxtyping.config.jaxtyping_disable:
             return function(*args, **kwargs)
         _calls[key] = calls + 1
         if key not in _checks:
@@ -85,7 +87,14 @@ class _Check:
         # in the names of the function's module, in which its annotations are looked up
         named = FunctionType(latest.__code__, function.__globals__, closure=latest.__closure__)
         functools.update_wrapper(named, function)
-        self.by_type = by_jaxtyping(named, typechecker=typechecker)
+        named.__annotations__ = {
+            name: _resolved(annotation, function.__globals__)
+            for name, annotation in function.__annotations__.items()
+        }
+        if inspect.isgeneratorfunction(function):
+            self.by_type = by_jaxtyping(named, typechecker=typechecker)
+        else:  # given the checker, jaxtyping would check arguments before and after the call
+            self.by_type = by_jaxtyping(typechecker(named), typechecker=None)
 
     def __call__(self, function: Callable[..., Any], args: Any, kwargs: Any) -> Any:
         """Call the function with its arguments and its result checked."""
@@ -94,8 +103,20 @@ class _Check:
         functions.append(function)
         try:
             return self.by_type(*args, **kwargs)
+        except BeartypeCallHintViolation as error:
+            raise jaxtyping.TypeCheckError(str(error)) from error
         finally:
             functions.pop()
+
+
+def _resolved(annotation: Any, names: dict[str, Any]) -> Any:
+    """An annotation without names in quotes; Any where only type checkers know a name."""
+    try:
+        return get_type_hints(
+            SimpleNamespace(__annotations__={"it": annotation}), names, include_extras=True
+        )["it"]
+    except Exception:
+        return Any
 
 
 _checks: dict[int, _Check] = {}
