@@ -74,12 +74,12 @@ def make_hands(
 
     from . import reports
 
-    given = read_body(body, **reading)
-    held = object_of_body(body, given.frames, obj=obj, object_pose=object_pose, unit=unit)
+    motion = read_body(body, **reading)
+    held = object_of_body(body, motion.frames, obj=obj, object_pose=object_pose, unit=unit)
     hand_options = BodyOptions(**{n: v for n, v in chosen.items() if n not in FOR_OBJECTS})
     with progress.progress_bars() as on_progress:
         made = generate_on_body(
-            prompt_text(sentence), given, hand_options, held=held, on_progress=on_progress
+            prompt_text(sentence), motion, hand_options, held=held, on_progress=on_progress
         )
     for output in outputs:
         write_on_body(made, output)

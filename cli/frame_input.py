@@ -26,9 +26,9 @@ def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
 def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
     """Frames as msgpack maps; `first` is the byte of the input that was already read."""
     unpacker = msgpack.Unpacker(max_buffer_size=LIMIT)
-    number, given, taken = 1, 0, 0  # number of the next frame; bytes fed and unpacked
+    number, fed, unpacked = 1, 0, 0  # number of the next frame; bytes fed and unpacked
     while first or (first := source.read1(LIMIT // 2)):  # pyright: ignore[reportAttributeAccessIssue]
-        given += len(first)
+        fed += len(first)
         while True:
             where = f"standard input, frame {number}"
             try:
@@ -41,9 +41,9 @@ def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]
                 raise _no_map(where, type(error).__name__) from error
             if not isinstance(fields, dict):
                 raise _no_map(where, f"{fields!r:.40}")
-            number, taken = number + 1, unpacker.tell()
+            number, unpacked = number + 1, unpacker.tell()
             yield where, fields
-    if taken < given:
+    if unpacked < fed:
         raise _no_map(f"standard input, frame {number}", "the beginning of one")
 
 

@@ -109,10 +109,10 @@ def _records_before(
         keep_others(*(batch.folder / name for name in SUMMARY_FILES))
     known = {record["clip"]: record for record in records[1:] if "clip" in record}
     for clip in clips:
-        asked = clip.described()
+        described = clip.described()
         record = known.pop(clip.name, {})
-        if record.get("state") != "done" or not is_done(record, asked, batch.folder):
-            record = {"clip": clip.name, "state": "left", "asked": asked}
+        if record.get("state") != "done" or not is_done(record, described, batch.folder):
+            record = {"clip": clip.name, "state": "left", "asked": described}
         known[clip.name] = record  # after the records of other clips, in the order of `clips`
     return known
 

@@ -47,12 +47,12 @@ def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
         return False
 
 
-def is_done(record: Mapping[str, Any], asked: Mapping[str, Any], folder: Path) -> bool:
+def is_done(record: Mapping[str, Any], described: Mapping[str, Any], folder: Path) -> bool:
     """Whether a journal's record is of the same work, and its inputs and outputs are unchanged.
 
     If another clip replaced an output file since, the fingerprint differs and the work is not done.
     """
-    same = record.get("asked") == asked
+    same = record.get("asked") == described
     return same and all(is_unchanged(record.get(name, {}), folder) for name in ("inputs", "files"))
 
 

@@ -54,13 +54,13 @@ def reason(error: Exception) -> str:
 
 def byte_budget() -> int:
     """Bytes of memory that reading one npz may take; `ConfigError` where the user set no number."""
-    given = os.environ.get(BUDGET_VARIABLE, str(BUDGET))
-    if not given.isdecimal() or len(given) > 18:
+    text = os.environ.get(BUDGET_VARIABLE, str(BUDGET))
+    if not text.isdecimal() or len(text) > 18:
         raise ConfigError(
-            f"{BUDGET_VARIABLE} must be a whole number of bytes, got {given[:40]!r}; "
+            f"{BUDGET_VARIABLE} must be a whole number of bytes, got {text[:40]!r}; "
             f"the default is {BUDGET}"
         )
-    return int(given)
+    return int(text)
 
 
 def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:

@@ -70,10 +70,11 @@ def clean_object(
 ) -> tuple[ObjectTrack, ObjectExamination]:
     """The object's track without noise, and its examination; the same track object if all parts are
     exact. `palms` are those of the input hands, in the same frames."""
-    given = (motion.rotation.double().cpu().numpy(), motion.translation.double().cpu().numpy())
+    rotation = motion.rotation.double().cpu().numpy()
+    translation = motion.translation.double().cpu().numpy()
     seen = motion.observed.cpu().numpy()
     parts = [
-        clean_part((given[0][:, part], given[1][:, part]), mesh, fps, seen[:, part], palms)
+        clean_part((rotation[:, part], translation[:, part]), mesh, fps, seen[:, part], palms)
         for part, mesh in enumerate(motion.meshes)
     ]
 

@@ -211,8 +211,8 @@ def solve(
     both = sparse.bmat(
         [[matrix + observed, observed], [observed, drift / sizes[1] ** 2 + observed]], format="csc"
     )
-    given = observed @ seen.ravel()
-    found = np.asarray(spsolve(both, np.concatenate([right + given, given])))
+    known = observed @ seen.ravel()
+    found = np.asarray(spsolve(both, np.concatenate([right + known, known])))
     return found[: 3 * count].reshape(count, 3)
 
 

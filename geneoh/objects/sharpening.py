@@ -120,7 +120,7 @@ def sharpened_part(
         every = filter(None, (compared(motion, part, palm, fps) for palm in palms))
         return max(every, key=lambda c: c.of_part.explained, default=None)
 
-    given, name = motion, motion.name_of(part)
+    before, name = motion, motion.name_of(part)
     whole, seen = LowPass(0.0, 0.0), best(motion)
     late = late or (seen and seen.delay)
     if late is not None:
@@ -131,8 +131,8 @@ def sharpened_part(
             break
         motion, whole = without_filter_of_part(motion, part, found, fps), whole + found
         seen = best(motion)
-    left = REMAINING_SHARE * moved_by(given, motion, part, fps)
-    return motion, left, [] if motion is given else [part_note(name, whole)]
+    left = REMAINING_SHARE * moved_by(before, motion, part, fps)
+    return motion, left, [] if motion is before else [part_note(name, whole)]
 
 
 def without_filter_of_part(

@@ -72,14 +72,14 @@ def convert(
     with nullcontext() if folder is None else only_run_in(folder):
         known = {} if folder is None else _records_before(folder)
         for clip in clips:
-            asked = _described(source, clip, options)
+            described = _described(source, clip, options)
             record = known.get(clip.name, {})
-            if folder and not check and is_done(record, asked, folder):
+            if folder and not check and is_done(record, described, folder):
                 yield ConversionOutcome(clip, tuple(record["files"]), skipped=True)
                 continue
             try:
                 yield convert_clip(
-                    source, clip, folder, options, asked, check=check, overwrite=overwrite
+                    source, clip, folder, options, described, check=check, overwrite=overwrite
                 )
             except GeneOHError as error:
                 yield ConversionOutcome(clip, problem=str(error))
@@ -112,12 +112,12 @@ def convert_clip(
     clip: SourceClip,
     folder: Path | None,
     options: ReaderOptions,
-    asked: dict[str, Any],
+    described: dict[str, Any],
     *,
     check: bool,
     overwrite: bool,
 ) -> ConversionOutcome:
-    """Convert one clip, all of its recordings or none; `asked` describes it in the journal."""
+    """Convert one clip, all of its recordings or none; `described` is its entry in the journal."""
     inputs = {} if folder is None else {str(clip.path): fingerprint(clip.path)}
     recordings = read_clip(source, clip, options)
     found: list[str] = []
@@ -133,7 +133,7 @@ def convert_clip(
     files = tuple(write_recording(recording, folder) for recording in recordings)
     inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
     made = {file: fingerprint(folder / file) for file in files}
-    record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
+    record = {"clip": clip.name, "asked": described, "inputs": inputs, "files": made}
     append_journal(folder / CONVERTED, [record])
     return ConversionOutcome(clip, files, notes=notes)
 

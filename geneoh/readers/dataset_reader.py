@@ -79,8 +79,8 @@ class DatasetReader:
         if parts.stamps is not None:
             return timing_of(parts.stamps, parts.frames, options.fps)
         usual = self.fps if parts.fps is None else None
-        given = usual if options.fps is None else options.fps
-        rate, notes = rate_of(parts.fps, given, where)
+        fps = usual if options.fps is None else options.fps
+        rate, notes = rate_of(parts.fps, fps, where)
         return rate, None, notes
 
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:

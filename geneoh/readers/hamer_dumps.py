@@ -262,7 +262,7 @@ def focal_of_demo(record: Record) -> Array | float:
     """The focal length in pixels from which the demo computed `pred_cam_t_full`."""
     if "scaled_focal_length" not in record and "img_size" in record:
         return DEMO_FOCAL * record.array("img_size", ("B", 2)).max(1)
-    given = record.array("scaled_focal_length", ("B",), ("B", 1), ()).reshape(-1)
-    if not (np.isfinite(given) & (given > 0)).all():
+    focal_length = record.array("scaled_focal_length", ("B",), ("B", 1), ()).reshape(-1)
+    if not (np.isfinite(focal_length) & (focal_length > 0)).all():
         raise record.refuse("scaled_focal_length", "positive finite numbers")
-    return given
+    return focal_length

@@ -75,29 +75,29 @@ def in_openpose_order(record: Record, points: Array, order: JointOrder) -> Recor
             f"got bones that only a hand in the order {other} has; pass --joint-order {other}"
         )
     joints, trust = openpose_order(points, order)
-    given = record.optional_array("confidence", ("T", ORDERS[order].count), ("T",))
+    confidence = record.optional_array("confidence", ("T", ORDERS[order].count), ("T",))
     values = {**record.values, "joints": joints}
-    if given is None and trust.all():
+    if confidence is None and trust.all():
         return replace(record, values=values)
-    given = np.ones(len(points)) if given is None else given
-    if given.ndim == 1:
-        given = given[:, None]
+    confidence = np.ones(len(points)) if confidence is None else confidence
+    if confidence.ndim == 1:
+        confidence = confidence[:, None]
     else:
-        given = openpose_order(given[..., None], order)[0][..., 0]
-    return replace(record, values={**values, "confidence": given * trust})
+        confidence = openpose_order(confidence[..., None], order)[0][..., 0]
+    return replace(record, values={**values, "confidence": confidence * trust})
 
 
 def shorter_order(
-    points: Float[Tensor, "T N 3"], given: JointOrder = "openpose"
+    points: Float[Tensor, "T N 3"], expected: JointOrder = "openpose"
 ) -> JointOrder | None:
-    """The order in which the keypoints have much shorter bones than in the given one, if any."""
+    """The order in which the keypoints have much shorter bones than in the expected one, if any."""
     totals: dict[JointOrder, float] = {
         name: bones_length(torch.from_numpy(openpose_order(points.cpu().numpy(), name)[0]))
         for name, order in ORDERS.items()
-        if name == given or sorted(order.entries) == list(range(points.shape[1]))
+        if name == expected or sorted(order.entries) == list(range(points.shape[1]))
     }
     best = min(totals, key=totals.__getitem__)
-    return best if totals[best] < SHORTER_BONES * totals[given] else None
+    return best if totals[best] < SHORTER_BONES * totals[expected] else None
 
 
 def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:

@@ -179,8 +179,8 @@ def refuse_unused(source: Source, options: ReaderOptions) -> None:
     """Raise `ConfigError` if an option is passed that the source does not accept."""
     plain, takes = ReaderOptions(), source.reader().takes
     for name in OF_SOME:
-        given = getattr(options, name)
-        if name not in takes and given != getattr(plain, name):
+        value = getattr(options, name)
+        if name not in takes and value != getattr(plain, name):
             option = name.replace("_", "-")
             raise ConfigError(f"--{option}: {source.title} makes no use of it, got one; drop it")
 

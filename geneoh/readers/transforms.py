@@ -43,8 +43,8 @@ def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None =
 
 def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
     """Refuse (T, ..., 3, 3) matrices that are no rotations; those of NaN or zeros are missing."""
-    given = np.isfinite(matrices).all((-1, -2)) & matrices.any((-1, -2))
-    wrong = np.argwhere(given & ~is_rotation(torch.from_numpy(matrices)).numpy())
+    present = np.isfinite(matrices).all((-1, -2)) & matrices.any((-1, -2))
+    wrong = np.argwhere(present & ~is_rotation(torch.from_numpy(matrices)).numpy())
     if len(wrong):
         first = tuple(wrong[0])
         raise InputError(

@@ -106,8 +106,8 @@ def object_of_body(
     """
     own = path.suffix.lower() == ".npz"
     record = foreign_files.read_record(path) if own else Record(str(path), {})
-    given = poses_of(object_pose, str(path))
-    record = with_callers(record, "obj_pose", given and given.matrices)
+    poses = poses_of(object_pose, str(path))
+    record = with_callers(record, "obj_pose", poses and poses.matrices)
     meshes = meshes_of(obj, unit) or find_meshes(record, path.parent)[0]
     motion = read_object(record, meshes, frames)
     if len(motion.rotation) != frames:

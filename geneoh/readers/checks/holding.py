@@ -70,12 +70,12 @@ def check_wrist_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
 
 def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     """Whether the wrist moves at all, if fingers and object do."""
-    given = hand.pose if hand.joints is None else hand.joints
+    values = hand.pose if hand.joints is None else hand.joints
     seen = hand.trust[:, 0] > 0
-    if not motion.meshes or given is None or int(seen.sum()) <= HOLDING_STEPS:
+    if not motion.meshes or values is None or int(seen.sum()) <= HOLDING_STEPS:
         return
     wrist, place = wrist_of(hand)[seen], motion.translation[seen]
-    stays = float((wrist - wrist[0]).abs().max()) < STILL < float(given[seen].std(0).max())
+    stays = float((wrist - wrist[0]).abs().max()) < STILL < float(values[seen].std(0).max())
     if stays and float((place - place[0]).norm(dim=-1).max()) > OBJECT_TRAVEL:
         yield (
             "place: its wrist stays exactly where it is while the fingers and the object move, "

@@ -106,12 +106,12 @@ def frames_in(value: Any) -> list[Any]:
         numbers = (
             (int(found[1] or found[2]), value[name] or {}) for name, found in named.items() if found
         )
-        given = sorted(numbers, key=itemgetter(0))
-        steps = [after - before for (before, _), (after, _) in pairwise(given)]
+        results = sorted(numbers, key=itemgetter(0))
+        steps = [after - before for (before, _), (after, _) in pairwise(results)]
         name = "timestamp" if steps and median(steps) > LARGEST_FRAME_STEP else "frame"
         value = [
             {name: n, **(result if isinstance(result, dict) else {"hands": result})}
-            for n, result in given
+            for n, result in results
         ]
     elif isinstance(value, dict):
         lists = (value[name] for name in LISTS if isinstance(value.get(name), list))

@@ -114,18 +114,18 @@ def load(
             LOG.warning("%s: %s", path, note)
         return recording.sequence
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
-    given = poses_of(object_pose, "geneoh.load")
+    poses = poses_of(object_pose, "geneoh.load")
     record = layouts.read_fields(path)
     layout = layouts.layout_of(record)
     record = with_joint_order(record, layout, joint_order)
-    record = with_callers(record, "obj_pose", given and given.matrices)
+    record = with_callers(record, "obj_pose", poses and poses.matrices)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     about_mesh = () if meshes is None else notes_on_meshes(record, meshes)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
     # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
-    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, given)
+    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, poses)
     notes = (*notes, *about_mesh, *([missing] if missing else []))
     for note in notes:
         LOG.warning("%s: %s", path, note)
@@ -194,17 +194,17 @@ def sequence_in(
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
-    given: ObjectPoses | None = None,
+    object_poses: ObjectPoses | None = None,
 ) -> tuple[Sequence, Notes]:
     """The sequence in the fields of a layout, and notes on what was assumed.
 
-    `given` are the caller's object poses; their matrices are already in the field 'obj_pose'.
+    `object_poses` are the caller's; their matrices are already in the field 'obj_pose'.
     """
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
-    if given is not None:
-        given = replace(given, matrices=pose_field(record, "obj_pose"))
-        poses, about_poses = given.of_frames(hands[0].frames, record.where, clock)
+    if object_poses is not None:
+        object_poses = replace(object_poses, matrices=pose_field(record, "obj_pose"))
+        poses, about_poses = object_poses.of_frames(hands[0].frames, record.where, clock)
         record = replace(record, values={**record.values, "obj_pose": poses})
         notes = (*about_poses, *notes)
     motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
