@@ -150,8 +150,11 @@ class Solids(Bundle):
         used = self.center[..., 0] < FAR_AWAY / 2
         kinds = self.kind.clamp(max=SCAN)
         each = points.new_full((*used.shape, points.shape[1]), FAR_AWAY)
+        there = kinds[used].unique().tolist()
+        if not there:  # a distance that does not change, which has a gradient all the same
+            each = each + 0 * points[:, None, :, 0]
         # only what there is: most of the time of a search for grasps is spent here
-        for kind in kinds[used].unique().tolist():
+        for kind in there:
             at = torch.nonzero(used & (kinds == kind), as_tuple=True)
             from_center = points.index_select(0, at[0]) - self.center[at][:, None]
             local, size = from_center @ self.rotation[at], self.size[at][:, None]
