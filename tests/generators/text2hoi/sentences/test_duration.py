@@ -82,7 +82,7 @@ def test_two_lengths_are_refused():
 )
 def test_a_frame_rate_is_no_length_and_another_one_is_told(said, told, frames):
     prompt = read_prompt(f"lift the mug with the left hand {said}")
-    assert (prompt.told, prompt.frames) == ("lift the mug with the left hand", frames)
+    assert (prompt.network_text, prompt.frames) == ("lift the mug with the left hand", frames)
     notes = [note for note in prompt.notes if "not followed" in note]
     assert [note.startswith(told or "none") for note in notes] == [True] * (told is not None)
 

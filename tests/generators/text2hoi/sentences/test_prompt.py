@@ -129,8 +129,8 @@ def test_a_lid_that_comes_off_opens_an_object_of_two_parts(said, verb, alone):
     ],
 )
 def test_what_a_verb_is_for_opens_or_closes_an_object_of_two_parts(said, told):
-    assert read_prompt(said, jointed=True).told == told
-    assert read_prompt(said).told == said
+    assert read_prompt(said, jointed=True).network_text == told
+    assert read_prompt(said).network_text == said
 
 
 @pytest.mark.parametrize(
