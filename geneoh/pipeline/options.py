@@ -39,8 +39,8 @@ class Options:
     and 3 rounds for the fast one, 400, 200 and 100 for the paper's. More than those of the preset
     take longer and do not make results better."""
     selection: Selection | None = None
-    """Which sample is kept: "closest", the one nearest to the input, or "mean", the mean of all.
-    None leaves it to the preset: the mean, for the paper's the closest."""
+    """Which sample is kept: "closest", the one nearest to the input as in the paper, or "mean", the
+    mean of all; None for the mean. In the preset `paper` it also holds for chains of MotionDiff."""
     without: tuple[Ablation, ...] = ()
     """Ablation: parts of the method that are left out; none by default."""
     hand: HandSource = "embedded"

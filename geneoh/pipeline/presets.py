@@ -76,8 +76,8 @@ class Preset:
     """Whether the networks are conditioned on the input, or only start from it as in the paper."""
     samples: int  # number of diffusion chains, unless the user chooses another
     selection: Selection
-    """Which sample is kept. The paper keeps the one closest to the input; the mean of a few samples
-    is nearer to the truth than any one of them."""
+    """Which sample is kept, and in the preset `paper` which chain. The paper keeps the one closest
+    to the input; the mean of a few is nearer to the truth than any one of them."""
     fit: FitConfig | AdamFitConfig
     contact: bool  # whether the fit removes penetration of the object
     apart: bool = True  # whether penetration between two hands is removed
@@ -137,12 +137,12 @@ def preset(name: PresetName) -> Preset:
     match name:
         case "paper":
             return Preset(
-                motion=StagePlan(400, 400, "ancestral", chains=8),
+                motion=StagePlan(400, 400, "ancestral", chains=8, kept="mean"),
                 spatial=StagePlan(200, 200, "ancestral"),
                 temporal=StagePlan(100, 100, "ancestral"),
                 observed=False,
                 samples=1,
-                selection="closest",
+                selection="mean",
                 fit=AdamFitConfig(),
                 contact=False,
                 apart=False,

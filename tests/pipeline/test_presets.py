@@ -127,3 +127,10 @@ def test_options_of_other_values_are_refused_with_the_field(wrong, words, monkey
 def test_options_take_folders_as_text(monkeypatch):
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
     assert Options(mano_dir="models").mano_dir == Path("models")
+
+
+def test_the_chains_of_the_preset_paper_are_kept_as_samples_are():
+    assert Options(preset="paper").resolved() == preset("paper")
+    closest = Options(preset="paper", selection="closest").resolved()
+    assert (preset("paper").motion.kept, closest.motion.kept) == ("mean", "closest")
+    assert Options(selection="closest").resolved().motion == preset("default").motion
