@@ -11,7 +11,7 @@ from torch import Tensor
 
 from geneoh.arguments import checked_call
 from geneoh.choices import SIDES, JointOrder, Side, Unit
-from geneoh.errors import InputError, numbered, shortened
+from geneoh.errors import InputError, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
@@ -31,7 +31,7 @@ from geneoh.readers.npz.meshes import (
     mesh_arrays,
     notes_on_meshes,
 )
-from geneoh.readers.npz.objects import read_object
+from geneoh.readers.npz.objects import notes_on_gaps, read_object
 from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
 from geneoh.readers.places import Place, place_of
 from geneoh.readers.recordings import read_recording
@@ -208,11 +208,7 @@ def sequence_in(
         record = replace(record, values={**record.values, "obj_pose": poses})
         notes = (*about_poses, *notes)
     motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
-    if motion.valid is not None and motion.is_known:
-        lost = int((~motion.valid[:, motion.seen_parts]).any(1).sum())
-        gaps = (f"{numbered(lost, 'frame')} without a pose of the object, filled in",)
-        never = ("there is no pose of the object in any frame",)
-        about_object += never if not motion.is_seen else gaps if lost else ()
+    about_object += notes_on_gaps(motion)
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
     if clock is not None and sequence.frames == hands[0].frames:
         sequence, _ = clock.even(sequence)

@@ -3,11 +3,11 @@
 import numpy as np
 import torch
 
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.npz.layouts import OBJECT_FIELDS, quoted
 from geneoh.readers.object_poses import pose_field
-from geneoh.readers.records import Array, Record, float32
+from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack
@@ -66,3 +66,13 @@ def observed_object(
         seen = np.broadcast_to(seen.reshape(frames, -1) > 0, (frames, parts))
         seen = torch.from_numpy(np.array(seen))
     return fill_object(ObjectTrack(meshes, float32(rotation), float32(translation)), seen)
+
+
+def notes_on_gaps(motion: ObjectTrack) -> Notes:
+    """A note where an object has no pose in some frames, or in none."""
+    if motion.valid is None or not motion.is_known:
+        return ()
+    if not motion.is_seen:
+        return ("there is no pose of the object in any frame",)
+    lost = int((~motion.valid[:, motion.seen_parts]).any(1).sum())
+    return (f"{numbered(lost, 'frame')} without a pose of the object, filled in",) if lost else ()
