@@ -10,6 +10,7 @@ DETERMINERS = ("a", "an", "the", "this", "that", "my", "your", "his", "her", "it
 """Words after which "open" and "closed" are adjectives and no outcome: "pull the open drawer"."""
 _REMOVE, _ATTACH = ("remove", "unscrew", "detach"), ("put", "set", "place", "screw", "snap", "pop")
 _TURN = ("turn", "twist")
+_PULL, _PUSH = ("pull", "slide", "draw", "drag", "yank"), ("push", "slide", "shove", "press")
 _MOVE = (
     *("push", "pull", "slide", "drag", "draw", "shove", "swing", "flip", "flick", "spin", "rotate"),
     *("roll", "tip", "tilt", "lift", "raise", "lower", "press", "tap", "poke", "hit", "knock"),
@@ -38,6 +39,7 @@ _THING = rf"(?P<thing>(?:{_WORD}){{0,6}} (?!(?:{_STOP}|{_THE}|half)\b)[\w']+)"
 _ENDS = rf"(?=$| (?:{_STOP}|{_THE}|for|from|in|on|at|all|again|fully|\w+ly)\b)"
 _LIDS = "(?:lid|cap|cover|cork|stopper|plug)"
 _LID = rf"(?P<thing>(?: [\w']+){{0,3}}? {_LIDS})"
+_DRAWER = r"(?P<thing>(?: [\w']+){0,3}? (?:drawer|tray))"
 _IT = r"(?P<thing> (?:it|them))"
 _BE = "(?: (?:is|are|was|were|be|being|been|gets|then|slowly|carefully))+"
 _LAST = rf"(?=$| (?:{_STOP}|again|fully|\w+ly)\b)"
@@ -60,6 +62,10 @@ _PATTERNS = (
     (rf"{_any_of((*_ATTACH, *_TURN))}(?: back)? on{_LID}\b", "close"),
     (rf"{_any_of((*_ATTACH, *_TURN))}{_IT}(?: back)? on{_LAST}", "close"),
     (rf"{_done_to_lid((*_ATTACH, *_TURN))}(?: back)? on{_IN_PLACE}", "close"),
+    (rf"{_any_of(_PULL)}{_DRAWER} out\b", "open"),
+    (rf"{_any_of(_PULL)} out{_DRAWER}\b", "open"),
+    (rf"{_any_of(_PUSH)}{_DRAWER}(?: back)? in{_LAST}", "close"),
+    (rf"{_any_of(_PUSH)}(?: back)? in{_DRAWER}\b", "close"),
     (rf"{_MOVED} {_TO}(?: it| them)?{_LAST}", ""),
     (rf"{_MOVED} {_TO}(?= (?:{_THE}) )", "aim"),
     (rf"{_MOVED} {_UNTIL}{_LAST}", ""),
@@ -72,9 +78,9 @@ def outcomes_as_verbs(words: Sequence[str], *, jointed: bool) -> list[str]:
     """Words of a sentence with "open" and "close" in place of verbs that have this outcome.
 
     "Flip the lid open" becomes "open the lid". Only if the object is `jointed`, verbs that take a
-    lid off or put it on are replaced, and those that say what they are for ("to close it", "until
-    it is shut"): a separate lid is lifted or put down. Phrases that `VERB_WORDS` lists, such as
-    "push shut", stay.
+    lid off or put it on, or pull a drawer out or push it in, are replaced, and those that say what
+    they are for ("to close it", "until it is shut"): a separate lid is lifted or put down. Phrases
+    that `VERB_WORDS` lists, such as "push shut", stay.
     """
     sentence = " ".join(words)
     for pattern, verb in _PATTERNS if jointed else _PATTERNS[:1]:
