@@ -82,20 +82,20 @@ def make_hands(
             prompt_text(sentence), motion, hand_options, held=held, on_progress=on_progress
         )
     for output in outputs:
-        write_on_body(made, output)
+        write_on_body(made, output, overwrite=overwrite)
     for line in reports.hands_on_body(made, outputs):
         click.echo(line)
 
 
-def write_on_body(made: "BodyWithHands", output: Path) -> None:
+def write_on_body(made: "BodyWithHands", output: Path, *, overwrite: bool) -> None:
     """Write a body with its hands in the format that the ending of the path names."""
-    from geneoh.generators.both2hands.on_body import save_on_body
+    from geneoh.pipeline.results import save
     from geneoh.viz.look import Look
     from geneoh.viz.outputs import write
     from geneoh.viz.scene import make_scene
 
     if output.suffix.lower() == ".npz":
-        save_on_body(made, output)
+        save(made, output, overwrite=overwrite)
     else:
         scene = make_scene({output.stem: made.sequence}, body=made.body)
         write(scene, output, Look(up=scene.up))

@@ -113,8 +113,9 @@ def generate(
     check_outputs([output], endings=(".npz",), inputs=obj, overwrite=overwrite)
 
     from geneoh.generators.sentences import prompt_text
-    from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
+    from geneoh.generators.text2hoi.generate import GenerateOptions, generate
     from geneoh.geometry.mesh_files import meshes_of
+    from geneoh.pipeline.results import save
 
     from .. import reports
 
@@ -124,6 +125,6 @@ def generate(
     words = prompt_text(sentence)
     with progress.progress_bars() as on_progress:
         made = generate(words, meshes, settings, joint=joint, on_progress=on_progress)
-    save_generated(made, output)
+    save(made, output, overwrite=overwrite)
     for line in reports.generated(made, output):
         click.echo(line)

@@ -43,7 +43,8 @@ NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
     "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
-NOT_REFINED = "poses of the object are not refined (--refine-object): there are none, or no mesh"
+OF_AN_OBJECT = ("trust_object", "refine_object", "hand_delay")
+"""Options that have no effect without an object."""
 POSES = "rotation", "translation"
 EXACT = "poses of the object are left as they are (--refine-object): they count as exact"
 
@@ -91,7 +92,9 @@ def denoise(
     named_device(options.device)
     with undisturbed():
         taken = as_sequence(sequence, obj)
-        sequence = with_hands_earlier(checked_interaction(taken), options.hand_delay)
+        sequence = checked_interaction(taken)
+        if taken.object.meshes and taken.object.is_seen:
+            sequence = with_hands_earlier(sequence, options.hand_delay)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, lost = without_faults(sequence)
@@ -138,7 +141,11 @@ def clean_interaction(
         motion = replace(motion, meshes=())
         chosen = chosen.alone()
         notes.append(NO_OBJECT)
-        notes += [NOT_REFINED] if options.refine_object else ()
+        notes += [
+            f"--{name.replace('_', '-')} had no effect: it needs mesh and poses of an object"
+            for name in OF_AN_OBJECT
+            if getattr(options, name)
+        ]
     notes += filled_poses(motion) if chosen.has_object else ()
     ready = Examined(sequence.hands, motion, torch.ones(len(motion.rotation), 1))
     if chosen.clean_object:

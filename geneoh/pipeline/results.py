@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -22,6 +22,23 @@ from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
+
+FROM_ARRAYS = "geneoh.from_arrays makes a Sequence of arrays"
+"""Advice for whoever passes arrays where a sequence is expected."""
+
+
+@runtime_checkable
+class Result(Protocol):
+    """A sequence that geneoh made: by cleaning (`Denoised`) or by a generator."""
+
+    @property
+    def sequence(self) -> Sequence:
+        """Hands and object."""
+        ...
+
+    def extra_arrays(self) -> Arrays:
+        """What a file of the result holds beside the fields of its sequence."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +107,25 @@ class Denoised(Bundle):
         """The chosen frames; a step of n divides the frame rate by n."""
         return replace(super().__getitem__(frames), sequence=self.sequence[frames])
 
+    def extra_arrays(self) -> Arrays:
+        """`options`, the settings as JSON; `object_confidence` (T, Q), how much the object's poses
+        agree with one another; and per side `filled` (T,), frames without a hand in the input;
+        `finger_contact` (T, 5), the probability that each finger touches the object; and, if
+        several samples were drawn, `samples` (S, N, 21, 3), their keypoints in metres at 30 frames
+        a second before selection and fit.
+        """
+        options = json.dumps(asdict(self.options), default=str)
+        arrays: Arrays = {"options": np.array(options)}
+        if self.examined is not None:
+            arrays["object_confidence"] = self.examined.confidence.cpu().numpy()
+        for side, hand in self.hands.items():
+            arrays[f"{side}_filled"] = hand.filled.cpu().numpy()
+            if hand.contact is not None:
+                arrays[f"{side}_finger_contact"] = hand.contact.cpu().numpy()
+            if len(hand.samples) > 1:
+                arrays[f"{side}_samples"] = hand.samples.cpu().numpy()
+        return arrays
+
 
 def clean_track(
     state: HandState,
@@ -112,50 +148,30 @@ def clean_track(
 
 
 @checked_call
-def save(result: Denoised | Sequence, path: Path | str, *, overwrite: bool = False) -> None:
-    """Write a result, or any sequence, as a geneoh-sequence npz, atomically.
+def save(result: Result | Sequence, path: Path | str, *, overwrite: bool = False) -> None:
+    """Write a result of cleaning or of a generator, or any sequence, as a geneoh-sequence npz,
+    atomically.
 
-    For a result the file contains, beside the fields of its sequence: per side `filled` (T,),
-    frames without a hand in the input; `finger_contact` (T, 5), the probability that each finger
-    touches the object; and, if several samples were drawn, `samples` (S, N, 21, 3), their keypoints
-    in metres at 30 frames a second before selection and fit; `object_confidence` (T, Q), how much
-    the object's poses agree with one another; `options`, the settings as JSON. Meshes stay in their
-    own files, and the npz holds the paths; a mesh without a file is not saved, with a logged
-    warning. A file that geneoh did not write is replaced only with `overwrite`. One that it wrote
-    is always replaced, even if the result was made from it.
+    For a result the file contains its `extra_arrays` beside the fields of its sequence. Meshes stay
+    in their own files, and the npz holds the paths; a mesh without a file is not saved, with a
+    logged warning. A file that geneoh did not write is replaced only with `overwrite`. One that it
+    wrote is always replaced, even if the result was made from it.
 
     Raises:
         InputError: the path cannot be written to, is a file that geneoh did not write, or does not
             end in `.npz`; or a sequence has no hand, two of one side, another number of frames than
             its object, or betas of two models.
     """
-    if not isinstance(result, Denoised | Sequence):
+    if not isinstance(result, Result | Sequence):
         takes = "geneoh.save takes a result or a Sequence, then the path to write to"
-        raise no_result(result, f"{takes}, got {type(result).__name__} first")
+        raise InputError(f"{takes}, got {type(result).__name__} first; {FROM_ARRAYS}")
     check_ending(Path(path), (".npz",))
     if not overwrite:
         keep_others(Path(path), remedy="pass overwrite=True to replace it, or choose another name")
     if isinstance(result, Sequence):
         save_sequence(result, path)
-        return
-    options = json.dumps(asdict(result.options), default=str)
-    extra: dict[str, np.ndarray] = {"options": np.array(options)}
-    if result.examined is not None:
-        extra["object_confidence"] = result.examined.confidence.cpu().numpy()
-    for side, hand in result.hands.items():
-        extra[f"{side}_filled"] = hand.filled.cpu().numpy()
-        if hand.contact is not None:
-            extra[f"{side}_finger_contact"] = hand.contact.cpu().numpy()
-        if len(hand.samples) > 1:
-            extra[f"{side}_samples"] = hand.samples.cpu().numpy()
-    save_sequence(result.sequence, path, extra=extra)
-
-
-def no_result(given: Any, sentence: str) -> InputError:
-    """The error for an argument of a wrong type: `sentence`, and how to get a sequence."""
-    if isinstance(getattr(given, "sequence", None), Sequence):
-        return InputError(f"{sentence}; give its .sequence")
-    return InputError(f"{sentence}; geneoh.from_arrays makes a Sequence of arrays")
+    else:
+        save_sequence(result.sequence, path, extra=result.extra_arrays())
 
 
 def kept_arrays(path: Path | str) -> Arrays:

@@ -86,8 +86,9 @@ def named_poses(table: Table) -> Array:
                 "quaternions of length 1", f"one of length {length[first]:.3g} in row {first}"
             )
         return rigid_of_xyzw(rows)
-    matrices = [found for found in numbers_of_lists(table) if len(found) in (12, 16)]
-    turns = [found for found in numbers_of_lists(table) if len(found) == 9]
+    lists = numbers_of_lists(table)
+    matrices = [found for found in lists if len(found) in (12, 16)]
+    turns = [found for found in lists if len(found) == 9]
     if len(matrices) == 1:
         return with_bottom_row(table.rows[:, matrices[0]].reshape(len(table.rows), -1, 4))
     if place and len(turns) == 1:

@@ -63,6 +63,11 @@ def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
             raise InputError(
                 f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
             )
+        if ending in (".npz", ".bvh") and scene.body is not None and len(hands) < 2:
+            raise InputError(
+                f"{path}: holds a body with both hands, got the {hands[0].side} one; leave --side "
+                "out"
+            )
         if ending == ".bvh" and scene.body is None:
             raise InputError(
                 f"{path}: a BVH holds a body, got hands alone; view what `geneoh generate --body` "

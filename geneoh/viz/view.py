@@ -17,7 +17,7 @@ from geneoh.errors import InputError
 from geneoh.files.atomic import write_whole
 from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
-from geneoh.pipeline.results import Denoised, load_confidence, load_samples, no_result
+from geneoh.pipeline.results import FROM_ARRAYS, Denoised, Result, load_confidence, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
@@ -27,7 +27,7 @@ from geneoh.viz.outputs import check_scene_outputs, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
-Viewable = Denoised | Sequence | Path | str  # in memory, or an npz file
+Viewable = Result | Sequence | Path | str  # in memory, or an npz file
 
 
 @checked_call
@@ -58,7 +58,7 @@ def view(
     mesh per frame.
 
     Args:
-        result: what `denoise` returned, a sequence, or the npz file of either.
+        result: what `denoise` or a generator returned, a sequence, or the npz file of one.
         path: file to write; without it a page in a temporary file is opened in the browser.
         before: the input of the result, with the same number of frames.
         obj: mesh files of the object in metres, one per rigid part, for npz files; by default
@@ -112,9 +112,9 @@ def view(
 
 def _refuse_others(given: Any, name: str) -> None:
     """`InputError` for what is neither a result, nor a sequence, nor a file."""
-    if not isinstance(given, Denoised | Sequence | Path | str):
+    if not isinstance(given, Viewable):
         takes = f"geneoh.view: '{name}' must be a result, a Sequence or the npz file of one"
-        raise no_result(given, f"{takes}, got {type(given).__name__}")
+        raise InputError(f"{takes}, got {type(given).__name__}; {FROM_ARRAYS}")
 
 
 def open_scene(
@@ -137,11 +137,14 @@ def open_scene(
             sequence = load(given, obj=obj, mano_dir=mano_dir, **reading)
             name, longer_name = Path(given).stem, str(given)
         else:
-            sequence = given.sequence if isinstance(given, Denoised) else given
+            sequence = given if isinstance(given, Sequence) else given.sequence
             name = title or sequence.source or "interaction"
             longer_name = f"{name}, cleaned"
         sequences[longer_name if name in sequences else name] = sequence
-    body = own_body(Path(result)) if isinstance(result, Path | str) else None
+    if isinstance(result, Path | str):
+        body = own_body(Path(result))
+    else:
+        body = getattr(result, "body", None)  # that of `geneoh.generate_on_body`
     scene = make_scene(
         sequences, title=title, samples=_samples(result), mano_dir=mano_dir, body=body
     )
@@ -163,7 +166,7 @@ def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:
     """Keypoints of the diffusion samples per side; empty where fewer than two are stored."""
     if isinstance(result, Path | str):
         return load_samples(Path(result))
-    if isinstance(result, Sequence):
+    if not isinstance(result, Denoised):
         return {}
     return {
         side: hand.samples.cpu() for side, hand in result.hands.items() if len(hand.samples) > 1

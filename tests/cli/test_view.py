@@ -4,6 +4,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import bodies
 import numpy as np
 import pytest
 import trimesh
@@ -129,6 +130,14 @@ def test_a_format_that_cannot_be_written_leaves_no_other_file(geneoh, folder, as
     result = geneoh("view", "two.npz", "-o", "page.html", *asked, code=2)
     assert words in result.stderr
     assert not (folder / "page.html").exists()
+
+
+@pytest.mark.parametrize("name", ["body.bvh", "body.npz"])
+def test_a_body_is_not_written_for_one_of_its_hands(geneoh, folder, name):
+    bodies.hands_file(folder / "hands.npz", bodies.recording())
+    result = geneoh("view", "hands.npz", "--side", "left", "-o", name, code=2)
+    assert "got the left one; leave --side out" in result.stderr
+    geneoh("view", "hands.npz", "-o", name)
 
 
 def test_filmstrip_shows_the_frames_that_were_asked_for(geneoh, folder):

@@ -123,12 +123,16 @@ def test_exact_poses_are_told_to_be_left_as_they_are(clean):
 def test_an_object_that_is_never_seen_is_as_none(clean):
     short = clean[20:50]
     unseen = fill_object(short.object, torch.zeros(30, 1, dtype=torch.bool))
-    result = geneoh.denoise(replace(short, object=unseen), replace(FAST, refine_object=True))
+    options = replace(FAST, refine_object=True, hand_delay=2)
+    result = geneoh.denoise(replace(short, object=unseen), options)
     assert result.sequence.object is unseen
     alone = geneoh.denoise(replace(short, object=ObjectTrack.resting((), 30)), FAST)
     assert torch.equal(result.sequence.hands[0].joints, alone.sequence.hands[0].joints)
     assert "no pose" in result.notes[0]
-    assert "not refined" in result.notes[1]
+    assert [note.partition(" had no effect")[0] for note in result.notes[1:3]] == [
+        "--refine-object",
+        "--hand-delay",
+    ]
 
 
 def test_a_hand_that_stays_away_from_its_object_is_cleaned_as_alone(clean):

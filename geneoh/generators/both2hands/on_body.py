@@ -15,6 +15,7 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields
 from geneoh.errors import InputError
+from geneoh.files.npz import Arrays
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import load_both2hands
 from geneoh.generators.both2hands.sampling import generate_hands
@@ -30,7 +31,6 @@ from geneoh.readers.bodies.base import BodyRecording, body_at_rate
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.bodies.smpl import body_fields
 from geneoh.readers.checks.holding import TOUCHING_REACH
-from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.distance_check import distance_to_object
 from geneoh.sequence.resample import rotations_over_frames
@@ -83,6 +83,11 @@ class BodyWithHands:
             places[:, WRISTS[h.side]] - h.wrist for h in self.sequence.hands if h.wrist is not None
         )
         return max(float(each.norm(dim=-1).max()) for each in change)
+
+    def extra_arrays(self) -> Arrays:
+        """The body by smplx names (`geneoh.readers.bodies.smpl.body_fields`) and `prompt`, for
+        `geneoh.save`."""
+        return body_fields(self.body) | {"prompt": np.array(self.sentence)}
 
 
 @checked_call
@@ -200,15 +205,3 @@ def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
             turns[:, list(FINGER_JOINTS[hand.side])] = own[:, 1:]
     motion = BodyMotion(motion.root, turns)
     return replace(body, motion=turned_body(motion, turn_up(body.up, "y").to(turns)))
-
-
-def save_on_body(made: BodyWithHands, path: Path | str) -> None:
-    """Write hands and body as a geneoh-sequence npz, whole or not at all.
-
-    The file also has the fields of `geneoh.readers.bodies.smpl.body_fields`, and `prompt`.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
-    extra = body_fields(made.body) | {"prompt": np.array(made.sentence)}
-    save_sequence(made.sequence, path, extra=extra)

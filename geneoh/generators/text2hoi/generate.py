@@ -13,6 +13,7 @@ from geneoh.arguments import checked_call, given_options
 from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields
+from geneoh.files.npz import Arrays
 from geneoh.generators.text2hoi.choosing import missed_motion, moved_by
 from geneoh.generators.text2hoi.networks.library import (
     Text2HoiNetworks,
@@ -39,7 +40,6 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.pipeline.retiming import result_at_times
 from geneoh.progress import OnProgress
-from geneoh.readers.npz.files import save_sequence
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.actions.action import FPS, Actions
@@ -95,6 +95,14 @@ class Generated:
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
+
+    def extra_arrays(self) -> Arrays:
+        """`contact` (V,), `prompt` and `verb`, for `geneoh.save`."""
+        return {
+            "contact": self.contact.numpy(),
+            "prompt": np.array(self.prompt.sentence),
+            "verb": np.array(self.prompt.verb),
+        }
 
 
 @checked_call
@@ -253,22 +261,6 @@ def action_sequence(actions: Actions, meshes: tuple[Mesh, ...], source: str = ""
     parts = slice(len(meshes))
     track = ObjectTrack(meshes, rotation[0, frames, parts], translation[0, frames, parts])
     return Sequence(hands, track, FPS, source)
-
-
-def save_generated(made: Generated, path: Path | str) -> None:
-    """Write an interaction as a geneoh-sequence npz, whole or not at all.
-
-    The file also has `contact` (V,), `prompt` and `verb`.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
-    extra = {
-        "contact": made.contact.numpy(),
-        "prompt": np.array(made.prompt.sentence),
-        "verb": np.array(made.prompt.verb),
-    }
-    save_sequence(made.sequence, path, extra=extra)
 
 
 def _fault_note(draws: int, fault: str) -> str:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
+import geneoh
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.both2hands import on_body
 from geneoh.generators.both2hands.on_body import (
     BodyOptions,
     generate_on_body,
-    save_on_body,
     with_hands,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -96,7 +96,7 @@ def test_networks_see_a_body_on_the_ground_and_the_file_keeps_its_own_height(ask
 def test_a_file_holds_hands_and_body_and_can_be_given_again(asked, tmp_path):
     body = bodies.recording(up="z")
     made = generate_on_body("both hands close", body)
-    save_on_body(made, tmp_path / "hands.npz")
+    geneoh.save(made, tmp_path / "hands.npz")
     sequence, again = load(tmp_path / "hands.npz"), own_body(tmp_path / "hands.npz")
     assert [hand.side for hand in sequence.hands] == ["right", "left"]
     assert not sequence.object.meshes
@@ -110,6 +110,11 @@ def test_a_file_holds_hands_and_body_and_can_be_given_again(asked, tmp_path):
     )
     with np.load(tmp_path / "hands.npz") as data:
         assert str(data["prompt"]) == "both hands close"
+    shown = [
+        read_body(geneoh.view(result, tmp_path / f"{name}.bvh")).motion.rotations
+        for name, result in {"made": made, "saved": tmp_path / "hands.npz"}.items()
+    ]
+    torch.testing.assert_close(*shown, atol=1e-4, rtol=0)
     other = generate_on_body("both hands open", tmp_path / "hands.npz")
     torch.testing.assert_close(other.body.motion.root, body.motion.root, atol=1e-5, rtol=0)
 

@@ -7,11 +7,12 @@ from functools import cache
 
 import torch
 
+import geneoh
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, embedded_skeleton
 from geneoh.generators.both2hands.library import SHIPPED, load_both2hands
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
-from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body, save_on_body
+from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
 from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample_hands
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
@@ -100,7 +101,7 @@ def test_the_same_seed_gives_the_same_file_and_another_one_other_hands(tmp_path)
     body = BodyRecording(motion, embedded_skeleton(), torch.zeros(3), FPS, "a body")
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         made = generate_on_body(WAVES, body, BodyOptions(steps=2, seed=seed))
-        save_on_body(made, tmp_path / f"{name}.npz")
+        geneoh.save(made, tmp_path / f"{name}.npz")
     first, same, other = ((tmp_path / f"{name}.npz").read_bytes() for name in "abc")
     assert first == same
     assert first != other

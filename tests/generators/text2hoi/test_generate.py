@@ -13,7 +13,7 @@ from two_parts import DEEP, HIGH, HINGE, box_with_lid
 import geneoh
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi import generate as module
-from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
+from geneoh.generators.text2hoi.generate import GenerateOptions, generate
 from geneoh.generators.text2hoi.networks.contact import ContactNetwork
 from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
@@ -85,7 +85,7 @@ def test_the_hands_that_were_asked_for_take_part(mug, sentence, sides):
 def test_one_seed_makes_one_file_and_another_seed_another(mug, tmp_path):
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):
         made = generate("Lift the mug with the left hand.", mug, replace(PLAIN, seed=seed))
-        save_generated(made, tmp_path / f"{name}.npz")
+        geneoh.save(made, tmp_path / f"{name}.npz")
     first, again, other = ((tmp_path / f"{name}.npz").read_bytes() for name in "abc")
     assert first == again
     assert first != other
@@ -93,7 +93,7 @@ def test_one_seed_makes_one_file_and_another_seed_another(mug, tmp_path):
 
 def test_the_file_is_a_sequence_with_contact_at_the_vertices_and_the_sentence(mug, tmp_path):
     made = generate("Lift the mug with the left hand.", mug, PLAIN)
-    save_generated(made, tmp_path / "made.npz")
+    geneoh.save(made, tmp_path / "made.npz")
     found = geneoh.load(tmp_path / "made.npz")
     assert [hand.side for hand in found.hands] == ["left"]
     assert torch.allclose(found.object.rotation, made.sequence.object.rotation)
@@ -204,7 +204,7 @@ def test_a_mesh_in_memory_will_do():
 
 def test_what_is_told_of_the_result_is_measured_of_what_is_written(mug, tmp_path):
     made = generate("Lift the mug with the left hand.", mug, replace(PLAIN, refine="geneoh"))
-    save_generated(made, tmp_path / "clip.npz")
+    geneoh.save(made, tmp_path / "clip.npz")
     again = geneoh.denoise(tmp_path / "clip.npz", preset="fast")
     assert made.refined is not None
     told, measured = made.refined.hands["left"].after, again.hands["left"].before
