@@ -118,7 +118,7 @@ def generate(
     """Make hands do with an object what a sentence says.
 
         made = geneoh.generate("lift the mug with the left hand", "mug.obj")
-        geneoh.view(made.sequence)
+        geneoh.view(made)
 
     Args:
         sentence: such as "pour from the kettle with the right hand"; English, of one action.
@@ -149,21 +149,7 @@ def generate(
     if len(meshes) == 2 and prompt.verb in JOINTED:
         pair = meshes[0], meshes[1]
         jointed, notes = JointedObject.of(pair, stood, known, closes=prompt.verb == "close")
-    objects = objects_of(stood) if jointed is None else jointed.objects
-    frames = options.frames or prompt.frames or _length_of(networks, prompt, options)
-    actions, contact = sample_actions(
-        networks,
-        objects.to(device),
-        [prompt.network_text],
-        [prompt.hands],
-        torch.tensor([frames]),
-        Text2HoiSampling(steps=options.steps, guidance=options.guidance, draws=options.draws),
-        generator=seeded_generator(options.seed, "motion"),
-        giver=[prompt.giver],
-        fitting=None if jointed is None else jointed.reached,
-        on_step=on_progress and partial(on_progress, "motion"),
-    )
-    actions, contact = actions.to("cpu"), contact.to("cpu")
+    actions, contact = _sampled(networks, prompt, stood, jointed, options, on_progress)
     if jointed is not None:
         actions = jointed.guided(actions)
     elif missed_motion(actions) > 0:
@@ -183,14 +169,48 @@ def generate(
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
     sequence, refined = placed_sequence(actions, stood, meshes, prompt.sentence), None
     if options.refine == "geneoh":
-        # no tracker lost these hands: a hand that stands still at the object is intended
-        cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
-        refined = clean_interaction(sequence, cleaning, on_progress)
-        # the cleaner may leave a hand in motion at either end, so that time is eased again
-        time = eased_time(frames, torch.tensor([[frames - 1.0]]))[0]
-        refined = result_at_times(refined, time)
+        refined = _cleaned(sequence, options, on_progress)
         sequence = replace(refined.sequence, source=sequence.source)
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
+
+
+def _sampled(
+    networks: Text2HoiNetworks,
+    prompt: Prompt,
+    stood: StandingObject,
+    jointed: JointedObject | None,
+    options: GenerateOptions,
+    on_progress: OnProgress | None,
+) -> tuple[Actions, Float[Tensor, "1 P"]]:
+    """What the networks make of a prompt: one action, and the probability of contact at each point
+    of the object."""
+    frames = options.frames or prompt.frames or _length_of(networks, prompt, options)
+    objects = objects_of(stood) if jointed is None else jointed.objects
+    actions, contact = sample_actions(
+        networks,
+        objects.to(options.device),
+        [prompt.network_text],
+        [prompt.hands],
+        torch.tensor([frames]),
+        Text2HoiSampling(steps=options.steps, guidance=options.guidance, draws=options.draws),
+        generator=seeded_generator(options.seed, "motion"),
+        giver=[prompt.giver],
+        fitting=None if jointed is None else jointed.reached,
+        on_step=on_progress and partial(on_progress, "motion"),
+    )
+    return actions.to("cpu"), contact.to("cpu")
+
+
+def _cleaned(
+    sequence: Sequence, options: GenerateOptions, on_progress: OnProgress | None
+) -> Denoised:
+    """The sequence after `geneoh.denoise`, from rest to rest."""
+    # no tracker lost these hands: a hand that stands still at the object is intended
+    cleaning = Options(trust_object=True, seed=options.seed, device=options.device)
+    refined = clean_interaction(sequence, cleaning, on_progress)
+    # the cleaner may leave a hand in motion at either end, so that time is eased again
+    last = sequence.frames - 1.0
+    return result_at_times(refined, eased_time(sequence.frames, torch.tensor([[last]]))[0])
 
 
 def _missing(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ...]:
