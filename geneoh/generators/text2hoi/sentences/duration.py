@@ -1,4 +1,4 @@
-"""The length that a sentence states, such as "for two seconds" or "in 90 frames"."""
+"""The numbers of a sentence: its length, such as "for two seconds", and those not followed."""
 
 import re
 from dataclasses import dataclass
@@ -33,6 +33,12 @@ _STATED = re.compile(
 _RATE = re.compile(
     rf"\b(?:at |in )?{_ABOUT}(?P<number>\b(?:{_NUMBER}))(?: |-)?"
     r"(?:fps|frames? (?:a|per|every|each) sec(?:ond)?|frames? ?/ ?s(?:ec(?:ond)?)?)\b",
+    re.IGNORECASE,
+)
+_AMOUNT = re.compile(
+    rf"\b(?:by )?{_ABOUT}(?!an? )(?:{_NUMBER})(?: |-)?"
+    r"(?:[mck]?m|(?:milli|centi|kilo)?met(?:er|re)s?|inch(?:es)?|feet|deg(?:ree)?s?|\u00b0|rad(?:ian)?s?|times|rounds|turns)(?!\w)"
+    r"|\b(?:twice|thrice)\b",
     re.IGNORECASE,
 )
 _NO_LENGTH = re.compile(r"\b(after|every|each|ago|until|the)$", re.IGNORECASE)
@@ -76,6 +82,15 @@ def without_rate(sentence: str) -> tuple[str, tuple[str, ...]]:
     rest = sentence[: match.start()] + sentence[match.end() :]
     note = f"'{match[0].strip()}' is not followed: the clip has {FPS:g} frames a second"
     return " ".join(rest.split()), () if number_of(match["number"]) == FPS else (note,)
+
+
+def without_amounts(sentence: str) -> tuple[str, tuple[str, ...]]:
+    """A sentence without distances, angles and counts, and a note on each: "10 cm", "twice"."""
+    found = [match[0].strip() for match in _AMOUNT.finditer(sentence)]
+    rest = " ".join(_AMOUNT.sub(" ", sentence).split())
+    return rest, tuple(
+        f"'{words}' is not followed: the networks choose how far and how often" for words in found
+    )
 
 
 def _is_length(match: re.Match[str]) -> bool:

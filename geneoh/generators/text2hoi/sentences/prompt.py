@@ -13,6 +13,7 @@ from geneoh.generators.text2hoi.sentences.captions import ADJECTIVES
 from geneoh.generators.text2hoi.sentences.duration import (
     length_in_frames,
     stated_length,
+    without_amounts,
     without_rate,
 )
 from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, SMALL_WORDS, THINGS
@@ -87,6 +88,7 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     check_english(sentence, words, known_words(), on=on, example=EXAMPLE)
     rest, rate_notes = without_rate(sentence.replace("\u2019", "'"))
     rest, stated = stated_length(rest)
+    rest, amount_notes = without_amounts(rest)
     length = length_in_frames(sentence, stated) if frames is None else None
     remaining, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
     words = outcomes_as_verbs(remaining.split(), jointed=jointed)
@@ -99,7 +101,7 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     if jointed and verb not in JOINTED:
         verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
     hands, hand_notes = asked_hands(made_of, words, verb)
-    notes = (*verb_notes, *left_out, *hand_notes, *rate_notes)
+    notes = (*verb_notes, *left_out, *hand_notes, *rate_notes, *amount_notes)
     if stated is not None:
         instead = "" if length else f", but {frames} are asked for"
         notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)

@@ -1,7 +1,7 @@
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.generators.text2hoi.sentences.duration import number_of, stated_length
+from geneoh.generators.text2hoi.sentences.duration import number_of, stated_length, without_amounts
 from geneoh.generators.text2hoi.sentences.prompt import read_prompt
 
 
@@ -42,6 +42,28 @@ def test_a_length_is_taken_out_of_the_sentence(sentence, rest, frames):
 )
 def test_other_times_and_numbers_are_no_length(sentence):
     assert stated_length(sentence) == (sentence, None)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "rest", "amount"),
+    [
+        ("lift the mug by 10 cm with the left hand", "lift the mug with the left hand", "by 10 cm"),
+        ("lift it about half a meter with one hand", "lift it with one hand", "about half a meter"),
+        ("tilt it by 45° with the left hand", "tilt it with the left hand", "by 45°"),
+        ("shake it three times with both hands", "shake it with both hands", "three times"),
+        ("pour twice with the left hand", "pour with the left hand", "twice"),
+    ],
+)
+def test_distances_angles_and_counts_are_left_out_with_a_note(sentence, rest, amount):
+    prompt = read_prompt(sentence)
+    assert prompt.network_text == rest
+    (note,) = (note for note in prompt.notes if "is not followed" in note)
+    assert note.startswith(f"'{amount}' ")
+
+
+@pytest.mark.parametrize("sentence", ["lift the 2 cups", "lift it at all times", "pass a foot"])
+def test_other_numbers_stay_in_the_sentence(sentence):
+    assert without_amounts(sentence) == (sentence, ())
 
 
 def test_numbers_are_read_in_digits_and_words():
