@@ -14,6 +14,7 @@ from geneoh.choices import (
     DATASETS,
     GENERATORS,
     METHODS,
+    ON_REQUEST,
     PRESETS,
     SEED_LIMITS,
 )
@@ -61,8 +62,8 @@ eval_options = options.together(
     ),
     option("--limit: Largest number of clips.", COUNT),
     many(
-        "--method methods: Method to compare; may be repeated.  [default: all but gaussian and "
-        "one-euro]",
+        "--method methods: Method to compare; may be repeated.  "
+        f"[default: all but {' and '.join(ON_REQUEST)}]",
         Choice(METHODS),
     ),
     many("--preset presets: Preset of geneoh; may be repeated.", Choice(PRESETS), ("default",)),

@@ -112,6 +112,9 @@ class LazyGroup(click.Group):
                 raise  # the reader of our output left: click ends quietly
             if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
                 raise failed(f"{error.filename}: {error.strerror}; check the path", 2) from None
+            if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+                place = error.filename or "standard output"
+                raise failed(f"{place}: {error.strerror}; make room", 2) from None
             reason = f"{type(error).__name__}: {error}"
             hint = "run `geneoh --debug ...` for the traceback and report it"
             raise failed(f"unexpected {reason}; {hint}", 1) from None

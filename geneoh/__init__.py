@@ -74,14 +74,16 @@ _DEFINED_IN = {name: f"geneoh.{module}" for module, names in _MODULES.items() fo
 __all__ = sorted([*_DEFINED_IN, "errors"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        return import_module("importlib.metadata").version("geneoh")
-    if name == "errors":
-        return import_module("geneoh.errors")
-    if name not in _DEFINED_IN:
-        raise AttributeError(f"module 'geneoh' has no attribute '{name}'")
-    return getattr(import_module(_DEFINED_IN[name]), name)
+if not TYPE_CHECKING:  # checkers would take every name for one of the package
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            return import_module("importlib.metadata").version("geneoh")
+        if name == "errors":
+            return import_module("geneoh.errors")
+        if name not in _DEFINED_IN:
+            raise AttributeError(f"module 'geneoh' has no attribute '{name}'")
+        return getattr(import_module(_DEFINED_IN[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -274,12 +274,19 @@ def unmasked(value: Any) -> Any:
 def _as_tensor(value: Any, kind: Any) -> Tensor | None:
     """A value as a tensor with the dtype of an annotation; None if it is no array of numbers."""
     try:
-        tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.array(unmasked(value)))
+        tensor = value if isinstance(value, Tensor) else torch.from_numpy(_native(value))
     except (TypeError, ValueError):
         return None
     names = _array(kind).dtypes
     whole = torch.int64 if "int64" in names else torch.float32
     return tensor.to(torch.bool if "bool" in names else whole)
+
+
+def _native(value: Any) -> np.ndarray:
+    """A copy of an array that torch can take: in this machine's byte order, and double at most."""
+    array = np.array(unmasked(value))
+    kinds = {"f": np.float64, "i": np.int64}
+    return array.astype(kinds[array.dtype.kind]) if array.dtype.kind in kinds else array
 
 
 @cache

@@ -3,7 +3,6 @@
 This module imports no torch, so that `geneoh --help` can show the choices at once.
 """
 
-import math
 from typing import Literal, get_args
 
 Side = Literal["left", "right"]
@@ -63,12 +62,23 @@ be estimated from the noise.
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 
 BaselineName = Literal["toch", "regression"]
-FilterName = Literal["savgol", "gaussian", "one-euro", "centroid", "best-filter", "best-offset"]
+FilterKind = Literal["savgol", "gaussian", "one-euro"]
+"""Low-pass filters; see `geneoh.baselines.filters`."""
 MethodName = Literal[
-    "input", FilterName, "optimisation", "toch", "regression", "one-call", "geneoh"
+    "input",
+    FilterKind,
+    "centroid",
+    "best-filter",
+    "best-offset",
+    "optimisation",
+    BaselineName,
+    "one-call",
+    "geneoh",
 ]
 """Methods that `geneoh eval` compares, besides users' own predictions."""
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
+ON_REQUEST: tuple[MethodName, ...] = ("gaussian", "one-euro")
+"""Methods that are not compared by default: they are among the candidates of best-filter."""
 
 Dataset = Literal["synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic"]
 """Evaluation protocols, named by the data set that they score on."""
@@ -152,12 +162,12 @@ REFINERS: tuple[Refiner, ...] = get_args(Refiner)
 
 SEED_LIMITS = (0, 2**63 - 1)  # the least and the largest seed of random draws
 
-CLEANING: dict[str, tuple[float, float]] = {
-    "samples": (1, math.inf),
-    "steps": (1, math.inf),
+CLEANING: dict[str, tuple[int, int]] = {
     "seed": SEED_LIMITS,
+    "hand_delay": (-1_000_000, 1_000_000),
 }
-"""The least and the largest value of each number that `geneoh denoise` takes."""
+"""The least and the largest value of each number that `geneoh denoise` takes; 1 and more for whole
+numbers that are not listed."""
 
 GENERATION: dict[str, tuple[int, int]] = {
     "frames": (2, 150),  # as many as the longest clips that networks learn from

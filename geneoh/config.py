@@ -96,20 +96,24 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
     return replace(base, **changes)  # type: ignore[type-var]  # any dataclass
 
 
-def check_fields(options: Any, limits: Limits) -> None:
+def check_fields(options: Any, limits: Limits = types.MappingProxyType({})) -> None:
     """Check and convert the fields of a new frozen dataclass that a user fills in.
 
     Numbers of numpy become Python's, and texts become paths in fields of paths. `limits` are the
-    least and the largest value of numbers by the names of their fields.
+    least and the largest value of numbers by the names of their fields; whole numbers without one
+    are 1 or more.
 
     Raises:
         ConfigError: a value is not of its field's type, or outside of its limits.
     """
     origin = type(options).__name__
+    known: dict[str, tuple[int | float, int | float]] = {}
     for name, kind in get_type_hints(type(options)).items():
         value = as_field_type(getattr(options, name), kind, origin, name)
         object.__setattr__(options, name, value)
-    check_limits(options, {name: limits[name] for name in limits if hasattr(options, name)})
+        if name in limits or type(value) is int:
+            known[name] = limits.get(name, (1, math.inf))
+    check_limits(options, known)
 
 
 def check_limits(config: Any, limits: Limits) -> None:
@@ -261,4 +265,4 @@ def setting_differences(found: Mapping[str, Any], asked: Mapping[str, Any]) -> s
 
 def _shown(value: Any) -> Any:
     """A setting in a sentence, in which an empty text is nothing at all."""
-    return "none" if value == "" else value
+    return "none" if value is None or value == "" else value

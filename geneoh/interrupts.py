@@ -12,9 +12,13 @@ INTERRUPTED = 130
 
 @contextmanager
 def on_interrupt(act: Callable[..., None]) -> Iterator[None]:
-    """Ctrl-C within the block calls `act` with the arguments of a signal handler. Only the main
-    thread receives signals: in other threads nothing changes."""
-    if threading.current_thread() is not threading.main_thread():
+    """Ctrl-C within the block calls `act` with the arguments of a signal handler.
+
+    Only the main thread receives signals: in other threads nothing changes. Nor does it where the
+    program around Python has a handler of its own, which Python could not set again.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGINT) is None:
         yield
         return
     before = signal.signal(signal.SIGINT, act)

@@ -23,6 +23,8 @@ from click.testing import CliRunner
 from trimesh import Trimesh
 
 import geneoh
+from geneoh.choices import CASE_NOISES, METHODS
+from geneoh.evaluation.scores import MEASURES
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
@@ -201,3 +203,9 @@ def test_every_folder_and_module_of_the_library_is_in_the_tree():
     inner = {path.parent.relative_to(library) for path in library.glob("*/*/**/__init__.py")}
     lacking = {path for path in inner if f"\n{'  ' * len(path.parts)}{path.name}/ " not in page}
     assert lacking == set(), "the folders in folders stand there further to the right"
+
+
+def test_the_page_on_evaluation_names_every_noise_method_and_measure():
+    page = (ROOT / "docs/evaluation.md").read_text()
+    keys = [measure.key for measure in MEASURES]
+    assert not {name for name in (*CASE_NOISES, *METHODS, *keys) if f"`{name}`" not in page}

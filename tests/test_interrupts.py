@@ -90,3 +90,10 @@ def test_libigl_is_imported_nowhere_without_this():
     files = Path(geneoh.__file__).parent.rglob("*.py")
     bare = re.compile(r"^(import|from) igl\b", re.MULTILINE)
     assert [file.name for file in files if bare.search(file.read_text("utf-8"))] == []
+
+
+def test_a_handler_that_is_not_pythons_is_left_alone(monkeypatch):
+    monkeypatch.setattr(signal, "getsignal", lambda number: None)
+    monkeypatch.setattr(signal, "signal", lambda *given: pytest.fail("could not be set back"))
+    with interrupts_wait():
+        pass

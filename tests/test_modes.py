@@ -11,6 +11,7 @@ from torch import Tensor
 
 import geneoh
 from geneoh.evaluation.options import ProtocolOptions
+from geneoh.modes import undisturbed
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 OBJ = EXAMPLES / "taco_object.obj"
@@ -117,3 +118,19 @@ def test_no_call_heeds_the_modes_of_its_caller_or_draws_its_random_numbers(
 ):
     quick_generation.use(monkeypatch)
     assert_undisturbed(call, MODES.values(), tmp_path)
+
+
+def test_the_last_of_several_computations_sets_the_default_dtype_back():
+    first, second = undisturbed(), undisturbed()
+    with another_default_dtype():
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert torch.get_default_dtype() == torch.float32
+        second.__exit__(None, None, None)
+
+
+def test_errors_of_numpy_that_the_caller_asked_for_are_not_those_of_geneoh(tmp_path):
+    short = geneoh.load(EXAMPLES / "taco_noisy.npz", obj=OBJ)[:2]
+    with np.errstate(all="raise"):
+        geneoh.view(short, tmp_path / "strip.png", cell=64)

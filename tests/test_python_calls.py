@@ -112,6 +112,11 @@ CALLS = {
     "view(GENERATED, folder / 'out.png', frames=[0], cell=64)": "PosixPath",
     "view(JOINTS, 'out.png')": "got Tensor; geneoh.from_arrays makes a Sequence of arrays",
     "view(SHORT, 'out.png', before=JOINTS.numpy())": "'before' must be a result, a Sequence or",
+    "Stream(OBJ, numpy.float32(30), numpy.float16(0), side='left').push(HAND[:1])": "CleanFrame",
+    "view(SHORT, folder / 'out.html', cell=64)": "'cell' needs a filmstrip, NAME.png; leave it out",
+    "view(SHORT, folder / 'out.npz', colouring='contact')": "'colouring' needs a picture or a film",
+    "typing.get_type_hints(to_smplx)['side']": "_LiteralGenericAlias",
+    "clean(HandTrack('left', VALID, joints=JOINTS.numpy().astype('>f4')))": "Denoised",
     "view(SHORT, 'out.png', frames=3)": "'frames' must be a list of a whole number, got 3",
     "view(SHORT, folder / 'out.png', frames=numpy.arange(2), cell=64)": "PosixPath",
     "evaluate(None, 'scores')": "geneoh.evaluate: 'options' must be geneoh.EvaluationOptions",
@@ -148,7 +153,7 @@ torch.set_default_dtype(torch.float32)
 """,
 }
 SETUP = """
-import fractions, json, logging, random, sys, traceback
+import fractions, json, logging, random, sys, traceback, typing
 from pathlib import Path
 import numpy, torch, trimesh
 from geneoh import *

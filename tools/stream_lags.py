@@ -13,8 +13,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 import geneoh
-from geneoh.baselines.filters import TUNED, Domain, FilterKind, filtered
+from geneoh.baselines.filters import TUNED, Domain, filtered
 from geneoh.bundle import concatenated
+from geneoh.choices import FilterKind
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import RADIUS_90
 from geneoh.pipeline.streaming.stream import Stream

@@ -11,8 +11,8 @@ from typing import get_args
 
 import torch
 
-from geneoh.baselines.filters import GRID, Domain, Filter, FilterKind, filtered
-from geneoh.choices import NOISES, Noise
+from geneoh.baselines.filters import GRID, Domain, Filter, filtered
+from geneoh.choices import NOISES, FilterKind, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.seeds import seeded_generator

@@ -119,15 +119,13 @@ def _serve(files: tuple[Path, ...], obj: tuple[Path, ...], opened: Any, up: Any,
 
 def _refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
     """Refuse, by name, options that would be ignored."""
+    from geneoh.viz.outputs import USED_BY, lacking
+
     if serve:
         shown = ("outputs", "overwrite", "colouring", "frames", "cell")
         options.refuse(shown, "has no meaning with --serve, which writes no file")
         return
     options.refuse(["port"], "needs --serve")
-    endings = {output.suffix.lower() for output in outputs}
-    if ".png" not in endings:
-        options.refuse(["frames", "cell"], "needs a filmstrip, -o NAME.png")
-    if not endings & {".html", ".png", ".mp4", ".gif", ".glb"}:
-        options.refuse(["up"], "needs a page, a picture, a film or -o NAME.glb")
-    if not endings & {".png", ".mp4", ".gif"}:
-        options.refuse(["colouring"], "needs a picture or a film, -o NAME.png, .mp4 or .gif")
+    for name in USED_BY:
+        if words := lacking(name, outputs):
+            options.refuse([name], f"needs {words}")

@@ -17,12 +17,12 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 from typing_extensions import assert_never
 
+from geneoh.choices import FilterKind
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack
 
-FilterKind = Literal["savgol", "gaussian", "one-euro"]
 Domain = Literal["keypoints", "parameters"]
 """What is filtered: coordinates of keypoints, or wrist position and joint rotations."""
 CENTROID_FRAMES = 5.0  # standard deviation of the Gaussian in `smoothed_centroid`, frames
@@ -51,7 +51,8 @@ GRID: dict[FilterKind, tuple[Filter, ...]] = {
         for beta in (0.0, 2.0, 8.0, 32.0)
     ),
 }
-"""The sizes that tuning may choose from."""
+"""The sizes that tuning may choose from, and the candidates of `best_filtered` and
+`best_filtered_and_moved`."""
 
 TUNED: dict[tuple[FilterKind, Domain], Filter] = {
     ("savgol", "keypoints"): Filter("savgol", 15.0),  # 16.07 mm

@@ -14,10 +14,18 @@ from torch import Tensor
 from typing_extensions import assert_never
 
 from geneoh.baselines import filters, networks
-from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
+from geneoh.choices import (
+    METHODS,
+    ON_REQUEST,
+    Ablation,
+    BaselineName,
+    FilterKind,
+    HandSource,
+    MethodName,
+)
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, check_folder
-from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
+from geneoh.evaluation.options import EvaluationOptions
 from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
@@ -76,7 +84,7 @@ def unchanged(case: Case) -> CleanedHand:
     return CleanedHand(joints_of(case.noisy))
 
 
-def filtered_hand(case: Case, kind: filters.FilterKind, domain: filters.Domain) -> CleanedHand:
+def filtered_hand(case: Case, kind: FilterKind, domain: filters.Domain) -> CleanedHand:
     """A low-pass filter with the size that was tuned on validation clips."""
     hand = hand_with(case, domain)
     return CleanedHand(filters.filtered(hand, filters.TUNED[kind, domain], domain, case.noisy.fps))
@@ -219,7 +227,9 @@ def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[st
     methods: list[Method] = []
     notes: list[str] = []
     noises = options.noises or options.defaults.noises
-    for name in options.methods or DEFAULT_METHODS:
+    for name in options.methods or METHODS:
+        if name in ON_REQUEST and not options.methods:
+            continue
         if name in TOLD_THE_TRUTH and not options.methods and set(noises) == {"recorded"}:
             notes.append(f"{name} is left out: it needs the ground truth, which nobody recorded")
             continue

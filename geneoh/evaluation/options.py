@@ -3,25 +3,17 @@
 The protocols' defaults follow the paper's text (GeneOH Diffusion, C.1) where it specifies them.
 """
 
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from geneoh import choices
-from geneoh.config import Limited, Limits, check_fields
+from geneoh.config import Limited, check_fields
 from geneoh.errors import ConfigError
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 
-LIMITS: Limits = dict.fromkeys(("limit", "close_frames"), (1, math.inf))
-"""Smallest and largest value of numeric options."""
 SEEDS = (11, 22, 77)  # seeds of the paper's Table 5
-DEFAULT_METHODS: tuple[choices.MethodName, ...] = (
-    *("input", "savgol", "centroid", "best-filter", "best-offset", "optimisation"),
-    *("toch", "regression", "one-call", "geneoh"),
-)
-"""Without the Gaussian and the One-Euro filter, which are among the candidates of best-filter."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +91,7 @@ class EvaluationOptions:
     limit: int | None = None
     """Largest number of clips to score, spread over the recordings; None: all."""
     methods: tuple[choices.MethodName, ...] = ()
-    """Methods to compare; empty: `DEFAULT_METHODS` without baselines whose weights are missing."""
+    """Methods to compare; empty: all but `choices.ON_REQUEST` and baselines without weights."""
     presets: tuple[choices.PresetName, ...] = ("default",)
     """Presets of geneoh, each scored as a method."""
     ablations: tuple[choices.Ablation, ...] = ()
@@ -125,7 +117,7 @@ class EvaluationOptions:
             ConfigError: a value has the wrong type, or is none of the choices of its field, or the
                 cleaner has a preset or a seed that is not scored.
         """
-        check_fields(self, LIMITS)
+        check_fields(self)
         for name in ("noises", "seeds", "methods", "presets", "ablations", "predictions"):
             object.__setattr__(self, name, tuple(dict.fromkeys(getattr(self, name))))
         self._refuse_of_cleaner("preset", self.presets)

@@ -16,7 +16,7 @@ from typing import Any
 from geneoh.arguments import checked_call, given_options
 from geneoh.baselines.networks import BASELINES, baseline_weights
 from geneoh.choices import Dataset
-from geneoh.config import as_dict
+from geneoh.config import as_dict, setting_differences
 from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, find_cases
@@ -24,7 +24,7 @@ from geneoh.evaluation.methods import Method, methods_of
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import Evaluation
-from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey
+from geneoh.evaluation.scores import MEASURES, CaseScorer, Score, ScoreKey
 from geneoh.files.atomic import make_folder
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.files.journal import SCORED, append_journal, begin_journal, only_run_in, read_journal
@@ -134,6 +134,7 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
         "noisy_inputs": None if stored is None else file_digest(stored.rglob("*.npz")),
         "protocol": as_dict(options.protocol),
         "close_frames": options.closely_measured,
+        "measures": [measure.key for measure in MEASURES],
         "cleaner": {
             name: value for name, value in as_dict(cleaner).items() if name not in IN_SCORES
         },
@@ -164,14 +165,11 @@ def open_record(
 
 def read_head(head: dict[str, Any], path: Path, settings: dict[str, Any]) -> dict[str, Any]:
     """The first line of a record; `ConfigError` if its settings differ from `settings`."""
-    try:
-        held, versions = head["settings"], head["versions"]
-        names = sorted(name for name in settings if held.get(name) != settings[name])
-    except (KeyError, TypeError, AttributeError):
-        held, versions, names = None, {}, []
-    if held == settings:
+    held, versions = head.get("settings"), head.get("versions")
+    if held == settings and isinstance(versions, dict):
         return {"settings": held, "versions": versions}
-    differs = ", ".join(names) or "its first line is of another version of geneoh"
+    differs = setting_differences(held, settings) if isinstance(held, dict) else ""
+    differs = differs or "its first line is of another version of geneoh"
     raise ConfigError(
         f"{path}: holds scores of other settings ({differs}); "
         "name another folder with -o, or pass --fresh to throw them away"

@@ -222,7 +222,7 @@ class CaseScorer:
         volume = intersection_volume(verts[self.close], self.faces, near)
         slip = contact.fingertip_slip(verts, query, joints[:, TIPS], self.surface, fps)
         consistency = contact.motion_consistency(verts, query, self.surface)
-        accelerated = smoothness.per_frame_squared(smoothness.acceleration(joints, fps), fps)
+        accelerated = smoothness.in_mm_per_frame_squared(smoothness.acceleration(joints, fps), fps)
         return {
             "volume_cm3": 1e6 * mean(volume),
             "depth_mm": 1000 * mean(contact.penetration_depth(query.distance)),
@@ -238,7 +238,7 @@ class CaseScorer:
         touched = self.touched(hand.verts), self.truly_touched
         distance, true = hand.query.distance, truth.query.distance
         error = smoothness.acceleration_error(hand.joints, truth.joints, self.fps)
-        error = smoothness.per_frame_squared(error, self.fps)
+        error = smoothness.in_mm_per_frame_squared(error, self.fps)
         return {
             "mpjpe_mm": 1000 * mean(accuracy.mpjpe(hand.joints, truth.joints)),
             "mpvpe_mm": 1000 * mean(accuracy.mpvpe(hand.verts, truth.verts)),

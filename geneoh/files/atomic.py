@@ -13,6 +13,8 @@ from geneoh.errors import GeneOHError, InputError
 
 STALE = 60.0
 """Seconds without a change after which an unfinished file counts as left by a killed process."""
+LONGEST_NAME = 200
+"""Bytes of a name that an unfinished file takes over: file systems allow 255 in all."""
 
 
 @contextmanager
@@ -45,8 +47,8 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
 
 def replaceable(path: Path) -> Path:
     """The path that a write replaces, after links; `InputError` for all but regular files."""
-    place = Path(os.path.realpath(path)) if path.is_symlink() else path
-    if os.path.lexists(place) and not place.is_file():
+    place = Path(os.path.realpath(path)) if os.path.islink(path) else path
+    if os.path.lexists(place) and not os.path.isfile(place):
         kinds = {stat.S_IFDIR: "folder", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
         kinds |= {stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket", stat.S_IFLNK: "broken link"}
         kind = kinds.get(stat.S_IFMT(place.lstat().st_mode), "special file")
@@ -58,8 +60,9 @@ def replaceable(path: Path) -> Path:
 
 def reserved_beside(path: Path, *, folder: bool) -> Path:
     """An empty file or folder beside `path` that is ours alone; stale ones are removed."""
+    name = os.fsdecode(os.fsencode(path.name)[:LONGEST_NAME])
     for number in count():
-        beside = path.with_name(f".{path.name}.{number}.tmp")
+        beside = path.with_name(f".{name}.{number}.tmp")
         try:
             beside.mkdir() if folder else beside.touch(exist_ok=False)
         except FileExistsError:
@@ -82,7 +85,7 @@ def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None
 
 def remove(path: Path) -> None:
     """Remove a file or a folder, where there is one."""
-    if path.is_dir():
+    if os.path.isdir(path):
         shutil.rmtree(path, ignore_errors=True)
     path.unlink(missing_ok=True)
 

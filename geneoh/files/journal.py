@@ -78,7 +78,7 @@ def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
         InputError: another run is working in it, or it cannot be written to.
     """
     path = folder / name
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
     make_folder(folder)
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)

@@ -1,4 +1,8 @@
-"""Checks of output paths before the work begins, so that no file of the user is overwritten."""
+"""Checks of output paths before the work begins, so that no file of the user is overwritten.
+
+The functions of `os.path` are asked what is there: those of pathlib raise in a folder without
+permission, which is reported where the file is opened.
+"""
 
 import os
 import zipfile
@@ -84,7 +88,7 @@ def _check_folder(path: Path, *, missing: bool) -> None:
     folder = replaceable(path).parent
     while missing and not os.path.lexists(folder):
         folder = folder.parent
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         why = f"there is no folder {folder}"
     elif not os.access(folder, os.W_OK | os.X_OK):
         why = f"no permission to write to {folder}"
@@ -95,7 +99,7 @@ def _check_folder(path: Path, *, missing: bool) -> None:
 
 def refuse_folder(path: Path) -> None:
     """Refuse an output folder that exists already, because its files may belong to other work."""
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputError(
             f"{path}: expected a new folder, got one that is there; remove it, or choose another "
             "name"
@@ -104,9 +108,9 @@ def refuse_folder(path: Path) -> None:
 
 def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:
     """Refuse an output that is an input or a foreign file in one; `place` is its real path."""
-    for given in inputs if place.exists() else ():
+    for given in inputs if os.path.exists(place) else ():
         within = place.is_relative_to(os.path.realpath(given)) and not is_ours(place)
-        if given.exists() and (given.samefile(place) or within):
+        if os.path.exists(given) and (given.samefile(place) or within):
             where = "" if given.samefile(place) else f"lies in {given}, which "
             raise InputError(f"{path}: {where}is an input and never replaced; choose another name")
 
@@ -119,11 +123,11 @@ def lies_within(path: Path, folder: Path) -> bool:
 def keep_others(*paths: Path, remedy: str = "choose another folder") -> None:
     """`InputError` for a folder, and for a file that is not empty and that geneoh did not write."""
     for path in paths:
-        if path.is_dir():
+        if os.path.isdir(path):
             raise InputError(
                 f"{path}: expected the name of a file, got a folder; choose another name"
             )
-        if path.exists() and path.stat().st_size and not is_ours(path):
+        if os.path.exists(path) and path.stat().st_size and not is_ours(path):
             raise InputError(f"{path}: is there already and was not written by geneoh; {remedy}")
 
 

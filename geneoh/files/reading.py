@@ -112,14 +112,21 @@ def refuse_large(path: Path, limit: int) -> None:
 
 def refuse_missing(path: Path) -> None:
     """Raise where there is neither a file nor a folder."""
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder; check the path")
+    try:
+        path.stat()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file or folder; check the path") from None
+    except OSError as error:
+        raise unreadable(path, error) from None
 
 
 def head_of(path: Path) -> bytes:
-    """The first `HEAD_BYTES` bytes of a file."""
-    with path.open("rb") as file:
-        return file.read(HEAD_BYTES)
+    """The first `HEAD_BYTES` bytes of a file; `InputError` where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(HEAD_BYTES)
+    except OSError as error:
+        raise unreadable(path, error) from None
 
 
 def refuse_stand_in(path: Path, head: bytes) -> None:

@@ -55,8 +55,6 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
             f"{path}: expected a mesh file ({', '.join(MESH_SUFFIXES)}), "
             f"got {path.suffix or 'no ending'!r}; convert it first"
         )
-    if not path.is_file():
-        raise InputError(f"{path}: no such mesh file; check the path")
     refuse_stand_in(path, head_of(path))
     if is_ours(path):
         raise InputError(
@@ -189,7 +187,10 @@ def mesh_from(given: Any, unit: Unit) -> Mesh:
     if isinstance(given, Path | str):
         return load_mesh(given, unit)
     if isinstance(given, ForeignMesh):
-        verts, faces = (torch.as_tensor(np.array(part)) for part in (given.vertices, given.faces))
+        verts, faces = (
+            torch.from_numpy(np.array(part, dtype=kind))
+            for part, kind in ((given.vertices, np.float64), (given.faces, np.int64))
+        )
         return tidied(checked_mesh(Mesh(verts, faces), "the mesh"))
     raise InputError(
         f"a mesh must be a geneoh.Mesh or the path of its file, got {type(given).__name__}; "

@@ -94,7 +94,7 @@ def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
     root = Path(folder)
     for place in FOLDERS:
         for candidate in (root / place / name, (root / place / name).with_suffix(".npz")):
-            if candidate.is_file():
+            if os.path.isfile(candidate):
                 return candidate
     raise MissingAssetError(f"{root / name}: expected this file and found none; {advice}")
 

@@ -27,7 +27,8 @@ VERB_WORDS: dict[str, tuple[str, ...]] = {
     "close": ("close", "shut", "fold", "close up", "push shut", "cover", "lock", "fold up"),
     "pass": ("pass", "hand over", "transfer", "pass over", "switch", "swap", "hand", "give"),
 }
-"""Synonyms of each verb of synthetic actions; the first one is the paper's phrasing."""
+"""Synonyms of each verb of synthetic actions; the first one is the paper's phrasing. Data and
+weights refer to verbs by their place here, so that new ones are added at the end."""
 
 PARTICLES = frozenset({"up", "down", "over", "out", "around", "back", "open", "shut", "away"})
 """Last words of phrasal verbs that may follow the object: "pick the mug up"."""

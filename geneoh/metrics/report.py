@@ -22,8 +22,8 @@ from geneoh.metrics.contact import (
 )
 from geneoh.metrics.smoothness import (
     acceleration,
+    in_mm_per_frame_squared,
     mean_over_frames,
-    per_frame_squared,
     valid_differences,
 )
 from geneoh.sequence.windows import blocks, widened
@@ -94,7 +94,7 @@ def measure_frames(
     inner = torch.zeros_like(valid)
     inner[1:-1] = valid_differences(valid, 2)
     accelerated = torch.full_like(fingers, torch.nan)
-    accelerated[inner] = per_frame_squared(acceleration(joints, fps), fps)[inner[1:-1]]
+    accelerated[inner] = in_mm_per_frame_squared(acceleration(joints, fps), fps)[inner[1:-1]]
     return FrameMeasures(
         valid=valid,
         touching=in_contact(distance) & valid,

@@ -28,7 +28,9 @@ def jerk(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[Tensor, "*B L"]
     return finite_difference(points, 3).norm(dim=-1).mean(-1) * fps**3
 
 
-def per_frame_squared(acceleration: Float[Tensor, "*B T"], fps: float) -> Float[Tensor, "*B T"]:
+def in_mm_per_frame_squared(
+    acceleration: Float[Tensor, "*B T"], fps: float
+) -> Float[Tensor, "*B T"]:
     """The same acceleration in millimetres per frame squared, the unit of the literature."""
     return acceleration * (1000 / fps**2)
 

@@ -68,9 +68,10 @@ def denoise(
     frame, so noisy or jumping object poses are cleaned first (`geneoh.objects.cleaning`), and a
     low-pass filter that was applied to only one of hand and object is undone
     (`geneoh.objects.sharpening`); the report is measured against that object. The same input,
-    options and seed give the same result. The work is done on `options.device`; the result is on
-    the device of the sequence. Doubts about the input are logged as warnings before the work. The
-    caller's random state and torch modes are neither used nor changed.
+    options, seed and number of torch's threads give the same result. The work is done on
+    `options.device`; the result is on the device of the sequence. Doubts about the input are logged
+    as warnings before the work. The caller's random state and torch modes are neither used nor
+    changed.
 
     Args:
         sequence: up to two hands and an object with its meshes, in metres, or the npz file of it.

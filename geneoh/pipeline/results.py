@@ -117,13 +117,13 @@ class Denoised(Bundle):
         options = json.dumps(asdict(self.options), default=str)
         arrays: Arrays = {"options": np.array(options)}
         if self.examined is not None:
-            arrays["object_confidence"] = self.examined.confidence.cpu().numpy()
+            arrays["object_confidence"] = self.examined.confidence.detach().cpu().numpy()
         for side, hand in self.hands.items():
             arrays[f"{side}_filled"] = hand.filled.cpu().numpy()
             if hand.contact is not None:
-                arrays[f"{side}_finger_contact"] = hand.contact.cpu().numpy()
+                arrays[f"{side}_finger_contact"] = hand.contact.detach().cpu().numpy()
             if len(hand.samples) > 1:
-                arrays[f"{side}_samples"] = hand.samples.cpu().numpy()
+                arrays[f"{side}_samples"] = hand.samples.detach().cpu().numpy()
         return arrays
 
 

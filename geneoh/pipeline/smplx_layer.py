@@ -1,14 +1,12 @@
 """A hand track as a layer of the `smplx` package, for body models, renderers and optimisers. Only
 this module imports smplx, whose licence is non-commercial, and only when a layer is made."""
 
-from contextlib import redirect_stdout
-from os import devnull
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
 from geneoh.arguments import checked_call
 from geneoh.choices import HandSource, Side
@@ -22,9 +20,6 @@ from geneoh.modes import undisturbed
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 
-if TYPE_CHECKING:
-    from smplx import MANO
-
 
 @checked_call
 @undisturbed()
@@ -34,7 +29,7 @@ def to_smplx(
     *,
     hand: HandSource = "embedded",
     mano_dir: Path | str | None = None,
-) -> "MANO":
+) -> nn.Module:
     """One hand of a sequence as an `smplx.MANO` module with its pose, all frames as one batch.
 
         layer = geneoh.to_smplx("left", result.sequence)
@@ -81,10 +76,15 @@ def to_smplx(
     return layer_of(model, pose).to(track.pose.device)
 
 
-def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> "MANO":
+def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> nn.Module:
     """The module of smplx for a hand model, its parameters set to a pose of T frames."""
     from smplx import MANO
     from smplx.utils import Struct
+
+    class Quiet(MANO):
+        """Prints no warning about ten betas, which every MANO hand has."""
+
+        SHAPE_SPACE_DIM = 10
 
     fields = {
         "v_template": model.template,
@@ -101,15 +101,15 @@ def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> "MANO":
     parameters: dict[str, Any] = {
         name: tensor.detach().cpu().numpy() for name, tensor in pose.items()
     }
-    # smplx prints a warning about ten betas, although every MANO hand has ten
-    with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
-        return MANO(
-            "",
-            data_struct=Struct(**arrays),
-            is_rhand=model.side == "right",
-            use_pca=False,
-            flat_hand_mean=True,
-            create_body_pose=False,
-            batch_size=len(pose["transl"]),
-            **parameters,
-        )
+    layer = Quiet(
+        "",
+        data_struct=Struct(**arrays),
+        is_rhand=model.side == "right",
+        use_pca=False,
+        flat_hand_mean=True,
+        create_body_pose=False,
+        batch_size=len(pose["transl"]),
+        **parameters,
+    )
+    object.__setattr__(layer, "__class__", MANO)
+    return layer

@@ -1,5 +1,6 @@
 """The caller's object poses, and how they are matched with the frames of a hand."""
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -190,7 +191,7 @@ def read_poses(path: Path) -> ObjectPoses:
     folder, as FoundationPose writes it, frames without a file get NaN; file names too large to be
     frame numbers are timestamps.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         return poses_in_folder(path)
     if is_text(path):
         return ObjectPoses(*read_trajectory(path))

@@ -135,8 +135,7 @@ class Record:
 
     def number(self, name: Any, remedy: str = "") -> float:
         """A single number, which may be NaN or infinite; true and false count as 1 and 0."""
-        value = self.numbers(name)
-        if value.size != 1:
+        if name not in self or (value := self.numbers(name)).size != 1:
             raise self.refuse(name, "one number", remedy)
         return float(value.reshape(()))
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.files.reading import head_of, separator_of, unreadable
+from geneoh.files.reading import head_of, separator_of
 from geneoh.readers import bop
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
 from geneoh.readers.column_names import plain_name
@@ -44,10 +44,7 @@ HIGHEST_RATE = 2000.0
 
 def is_text(path: Path) -> bool:
     """Whether a file is a text, judged by its first bytes and its ending."""
-    try:
-        head = head_of(path)
-    except OSError as error:
-        raise unreadable(path, error) from None
+    head = head_of(path)
     binary = set(head) - set(range(32, 256)) - set(b"\t\r\n")
     return bool(head) and not binary and path.suffix.lower() not in PICKLES
 

@@ -1,8 +1,9 @@
 """Noise like that of hand trackers, on pose parameters; keypoints follow by forward kinematics.
 
-There are eight kinds. The first three, independent between frames, are those of the papers. The
-others imitate real trackers: a constant bias, slow drift, bursts, lost frames, and the combined
-errors of an estimator with one fixed camera.
+The first three kinds, independent between frames, are those of the papers. The others imitate real
+trackers: a constant bias, slow drift, bursts, lost frames, and the combined errors of an estimator
+with one fixed camera. Times are in frames, at any frame rate. Networks are trained on more varied
+errors (`geneoh.training.corruption`), and tested on these.
 """
 
 import math

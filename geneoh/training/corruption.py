@@ -3,6 +3,7 @@
 Errors are added to hand parameters, as estimators err, and keypoint jitter on top. Their size and
 correlation in time vary from window to window, from none at all to more than the paper's noises.
 Some errors depend on the motion: fingers that bend too little or too much, and filters that lag.
+The noises that methods are tested on are in `geneoh.sequence.noise`.
 """
 
 import math

@@ -36,6 +36,22 @@ with interrupts_wait():
 MESHES = (".obj", ".ply")  # endings of the formats that make a folder
 FILMS = (".mp4", ".gif")
 ENDINGS = (".html", ".png", *FILMS, ".glb", ".bvh", ".npz", *MESHES)
+"""Endings of all formats; `geneoh.files.outputs` has the mark that shows that a file is ours."""
+
+
+USED_BY = {
+    "frames": ((".png",), "a filmstrip, NAME.png"),
+    "cell": ((".png",), "a filmstrip, NAME.png"),
+    "up": ((".html", ".png", *FILMS, ".glb"), "a page, a picture, a film or NAME.glb"),
+    "colouring": ((".png", *FILMS), "a picture or a film, NAME.png, .mp4 or .gif"),
+}
+"""The formats that show each field of `Look`, and the same in words."""
+
+
+def lacking(name: str, paths: Iterable[Path]) -> str:
+    """The formats that a field of `Look` needs, in words; empty if one of the paths has one."""
+    endings, words = USED_BY[name]
+    return "" if any(path.suffix.lower() in endings for path in paths) else words
 
 
 def check_scene_outputs(
@@ -64,9 +80,9 @@ def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
                 f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
             )
         if ending in (".npz", ".bvh") and scene.body is not None and len(hands) < 2:
+            got = " and ".join(hand.side for hand in hands)
             raise InputError(
-                f"{path}: holds a body with both hands, got the {hands[0].side} one; leave --side "
-                "out"
+                f"{path}: holds a body with both hands, got the {got} one; leave --side out"
             )
         if ending == ".bvh" and scene.body is None:
             raise InputError(
@@ -126,7 +142,7 @@ def write(
             write_whole(path, bvh_text(body.skeleton, motion, scene.fps))
         case ".obj" | ".ply":
             return write_meshes(scene, path, on_step)
-        case _:
+        case ".mp4" | ".gif":
             write_film(scene, path, look, on_step)
     return path
 

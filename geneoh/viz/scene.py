@@ -147,7 +147,7 @@ class Scene:
         """All parts of the object in a frame as one surface of one colour; None without a mesh."""
         surfaces = []
         for part, mesh in enumerate(self.sharp_parts):
-            verts = self.part_pose(part, frame).apply(mesh.verts).numpy()
+            verts = self.part_pose(part, frame).apply(mesh.verts).detach().numpy()
             colours = np.broadcast_to(
                 np.array(self.part_colour(part), dtype=np.float32), verts.shape
             )

@@ -29,7 +29,7 @@ def with_sharp_edges(mesh: Mesh) -> Mesh:
     Each region without an inner sharp edge gets vertices of its own. trimesh's `smooth_shade` also
     splits large flat faces, and takes ten times as long on a noisy scan of 300,000 faces.
     """
-    whole = trimesh.Trimesh(mesh.verts.numpy(), mesh.faces.numpy(), process=False)
+    whole = trimesh.Trimesh(mesh.verts.detach().numpy(), mesh.faces.numpy(), process=False)
     smooth = whole.face_adjacency[whole.face_adjacency_angles <= SHARP_ANGLE]
     part = trimesh.graph.connected_component_labels(smooth, node_count=len(whole.faces))
     count = len(mesh.verts)

@@ -13,7 +13,7 @@ from torch import Tensor
 from geneoh.arguments import checked_call
 from geneoh.choices import STRIP_CELL, Axis, Colouring, Side
 from geneoh.config import as_field_type
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.files.atomic import write_whole
 from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
@@ -22,8 +22,8 @@ from geneoh.progress import OnStep
 from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import Sequence
-from geneoh.viz.look import Look
-from geneoh.viz.outputs import check_scene_outputs, write
+from geneoh.viz.look import DEFAULT_LOOK, Look
+from geneoh.viz.outputs import check_scene_outputs, lacking, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
@@ -78,7 +78,8 @@ def view(
         InputError: a file cannot be read or written, the output path is an input or a file that
             geneoh did not write, its ending is of no known format, a mesh that a file names is
             missing, or the numbers of frames differ.
-        ConfigError: a colouring or an axis that does not exist, or frames that are no numbers.
+        ConfigError: a colouring or an axis that does not exist, frames that are no numbers, or one
+            of these that the format does not show.
         MissingAssetError: a film without ffmpeg, or a `mano_dir` without MANO's files.
     """
     _refuse_others(result, "result")
@@ -89,6 +90,11 @@ def view(
     if mano_dir is not None:
         refuse_without_mano(mano_dir)
     look = Look(colouring=colouring, up=up or "z", frames=chosen, cell=cell)
+    asked = {"frames": chosen, "cell": cell, "colouring": colouring, "up": up or DEFAULT_LOOK.up}
+    for name, value in asked.items():
+        words = lacking(name, [Path(path or "page.html")])
+        if words and value != getattr(DEFAULT_LOOK, name):
+            raise ConfigError(f"geneoh.view: '{name}' needs {words}; leave it out")
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if obj and not any(isinstance(given, Path | str) for given in (result, before)):
         raise InputError(

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
@@ -41,7 +41,9 @@ def results_of(
     Items are taken from `work` only when a worker is free. `do` must be importable by a new
     process. `lost` is called in this process for an item whose workers died.
     """
-    return in_turn(work, do) if jobs == 1 else in_processes(work, do, jobs, lost)
+    if jobs == 1 or current_process().daemon:  # which may have no processes of its own
+        return in_turn(work, do)
+    return in_processes(work, do, jobs, lost)
 
 
 def in_turn(work: Iterable[Item], do: Do[Item, Result]) -> Iterator[Result]:

@@ -6,16 +6,9 @@ import pytest
 from bad_inputs import REFUSED, TOLD, write_good
 from trees import write_mano
 
-from geneoh.choices import NOISES
 from geneoh.readers.npz.files import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-def test_the_command_offers_the_noises_of_the_library(command):
-    corrupt = command.get_command(None, "corrupt")
-    (noise,) = [option for option in corrupt.params if option.name == "noise"]
-    assert tuple(noise.type.choices) == NOISES
 
 
 def test_noise_is_added_to_the_hand_and_the_object_is_kept(geneoh, tmp_path):

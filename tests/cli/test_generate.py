@@ -88,7 +88,7 @@ def test_a_sentence_may_be_in_a_file(generate, made):
     [
         (["", "--obj", "box.obj"], "expected an English sentence"),
         (["heb die Tasse hoch", "--obj", "box.obj"], "expected an English sentence"),
-        (["the left hand and a right hand box", "--obj", "none.obj"], "no such mesh file"),
+        (["the left hand and a right hand box", "--obj", "none.obj"], "no such file"),
         ([SENTENCE], "Missing option '--obj'"),
         ([SENTENCE, "--obj", "box.obj", "--frames", "1"], "2<=x<=150"),
         ([SENTENCE, "--obj", "box.obj", "-o", "clip.mp4"], ".npz"),

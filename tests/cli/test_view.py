@@ -226,7 +226,10 @@ def test_bad_input_ends_with_one_sentence_and_leaves_nothing(geneoh, folder, cas
         (("--frame", 1), "--frame needs a filmstrip"),
         (("-o", "a.mp4", "--cell", 64), "--cell needs a filmstrip"),
         (("-o", "a.glb", "--colour", "contact"), "--colour needs a picture or a film"),
-        (("-o", "a.obj", "-o", "a.npz", "--up", "y"), "--up needs a page, a picture, a film or -o"),
+        (
+            ("-o", "a.obj", "-o", "a.npz", "--up", "y"),
+            "--up needs a page, a picture, a film or NAME",
+        ),
     ],
 )
 def test_an_option_that_would_be_ignored_is_refused(geneoh, folder, words, said):

@@ -196,7 +196,9 @@ def test_half_a_line_counts_for_nothing(folder):
 def test_scores_of_other_settings_are_refused_until_thrown_away(folder):
     append_journal(folder / SCORED, map(asdict, [Score("taco", "a", "gauss", 1, "input")]))
     other = {**SETTINGS, "data": "/elsewhere"}
-    with pytest.raises(ConfigError, match=r"other settings \(data\).*--fresh"):
+    with pytest.raises(
+        ConfigError, match=r"other settings \(data none where /elsewhere is asked for\).*--fresh"
+    ):
         open_record(folder, other, VERSIONS)
     assert open_record(folder, other, VERSIONS, fresh=True)[0] == []
 
@@ -207,7 +209,7 @@ def test_a_record_without_any_score_keeps_no_settings(folder):
     other = {**SETTINGS, "data": "/elsewhere"}
     assert open_record(folder, other, VERSIONS) == ([], VERSIONS)
     append_journal(folder / SCORED, [{"a score": "of another version"}])
-    with pytest.raises(ConfigError, match=r"other settings \(data\)"):
+    with pytest.raises(ConfigError, match=r"other settings \(data /elsewhere where none"):
         open_record(folder, SETTINGS, VERSIONS)
 
 

@@ -11,6 +11,7 @@ from geneoh.errors import InputError
 from geneoh.files.atomic import write_whole
 from geneoh.files.npz import member, write_archive
 from geneoh.files.outputs import check_outputs, is_ours
+from geneoh.geometry.mesh_files import load_mesh
 
 
 def test_only_regular_files_are_replaced(tmp_path):
@@ -88,3 +89,12 @@ def test_a_folder_to_make_that_is_there_is_refused_with_what_was_expected(tmp_pa
     (tmp_path / "frames").mkdir()
     with pytest.raises(InputError, match="expected a new folder, got one that is there"):
         check_outputs([], folders=[tmp_path / "frames"], overwrite=True)
+
+
+def test_a_long_name_can_be_written_and_one_that_is_too_long_is_refused(tmp_path):
+    write_whole(tmp_path / f"{'a' * 251}.npz", "text")
+    check_outputs([tmp_path / f"{'a' * 300}.npz"])
+    with pytest.raises(InputError, match="cannot be written"):
+        write_whole(tmp_path / f"{'a' * 300}.npz", "text")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_mesh(tmp_path / f"{'a' * 300}.obj")

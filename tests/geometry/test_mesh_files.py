@@ -359,7 +359,7 @@ def test_a_pointer_of_git_lfs_is_no_mesh_without_faces(tmp_path):
 
 
 def test_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no such mesh file"):
+    with pytest.raises(InputError, match="no such file"):
         load_mesh(tmp_path / "none.obj")
 
 

@@ -1,7 +1,12 @@
 import pytest
 import torch
 
-from geneoh.metrics.smoothness import acceleration, acceleration_error, jerk, per_frame_squared
+from geneoh.metrics.smoothness import (
+    acceleration,
+    acceleration_error,
+    in_mm_per_frame_squared,
+    jerk,
+)
 
 FPS = 30.0
 
@@ -30,7 +35,7 @@ def test_acceleration_does_not_depend_on_the_frame_rate_and_per_frame_does():
     slow = thrown(2, 4.0, frames=9)
     half = acceleration(slow[::2], FPS / 2)
     torch.testing.assert_close(half, torch.full((3,), 4.0).double())
-    per_frame = per_frame_squared(acceleration(slow, FPS), FPS)
+    per_frame = in_mm_per_frame_squared(acceleration(slow, FPS), FPS)
     torch.testing.assert_close(per_frame, torch.full((7,), 4000 / FPS**2).double())
     steps = slow[2:] - 2 * slow[1:-1] + slow[:-2]
     torch.testing.assert_close(per_frame, 1000 * steps.norm(dim=-1).mean(-1))

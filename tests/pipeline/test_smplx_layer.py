@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import smplx
 import torch
 
 import geneoh
@@ -96,3 +97,9 @@ def test_a_mano_layer_has_the_users_hand_and_the_betas_that_belong_to_it(recordi
 def test_a_mano_layer_needs_the_users_file(recording, tmp_path):
     with pytest.raises(MissingAssetError, match=r"MANO_LEFT\.pkl"):
         to_smplx("left", recording, hand="mano", mano_dir=tmp_path)
+
+
+def test_the_output_of_the_program_is_left_alone(recording, capsys):
+    layer = to_smplx("left", recording[:2])
+    assert capsys.readouterr().out == ""
+    assert type(layer) is smplx.MANO

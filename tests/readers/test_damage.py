@@ -18,6 +18,7 @@ from geneoh.readers.registry import SOURCES
 TRIALS = 25
 """Damaged files of each tree, 700 in all; `tests/files/test_damage.py` adds 1,800 below readers."""
 
+MISSING_SHARE = 0.1  # trials in which a file is not there at all
 CHANGES = 8
 """Decoded files of each tree that are changed, 224 in all: nothing catches our own errors."""
 
@@ -38,7 +39,9 @@ def test_damage_ends_in_one_sentence(case, tmp_path, mano_dir, monkeypatch):
     sentences = []
     for trial in range(TRIALS):
         path = draw.choice(files)
-        path.write_bytes(damaged(before[path], draw))
+        path.unlink()
+        if draw.random() > MISSING_SHARE:
+            path.write_bytes(damaged(before[path], draw))
         for outcome in convert(source, clips, out, known, check=trial % 2 == 0):
             said = [outcome.problem] if outcome.problem else list(outcome.contradictions)
             sentences += said

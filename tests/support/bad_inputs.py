@@ -326,7 +326,7 @@ REFUSED = (
     ),
     BadInput(
         "The mesh is not there",
-        ("object.obj", "no such mesh file"),
+        ("object.obj", "no such file"),
         lambda f: (f / "object.obj").unlink(),
         in_reading=False,
     ),

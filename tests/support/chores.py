@@ -6,6 +6,8 @@ import threading
 import time
 from pathlib import Path
 
+from geneoh.workers.pool import results_of
+
 
 def doubled(item: int) -> int:
     """Twice a number."""
@@ -82,3 +84,7 @@ def slowly_doubled(item: int) -> int:
     """Twice a number, after half a second."""
     time.sleep(0.5)
     return 2 * item
+
+
+def doubled_in_processes(numbers):
+    return list(results_of(numbers, doubled, jobs=2, lost=lambda *given: None))

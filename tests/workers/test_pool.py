@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from multiprocessing import active_children
+from multiprocessing import active_children, get_context
 
 import chores
 import pytest
@@ -130,3 +130,8 @@ def test_workers_have_one_thread_and_the_caller_keeps_its_own():
 
 def test_there_is_a_core_to_work_on():
     assert cores() >= 1
+
+
+def test_a_worker_of_others_works_alone():
+    with get_context("spawn").Pool(1) as pool:
+        assert pool.apply(chores.doubled_in_processes, ([1, 2],)) == [2, 4]

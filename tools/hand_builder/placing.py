@@ -46,7 +46,7 @@ def place_vertices(topology: HandTopology, offsets: FloatArray | None = None) ->
     verts = np.zeros((topology.count, 3))
     _place_palm(topology, verts, bones, tubes, surface)
     for place_index, finger in enumerate((*ACROSS, THUMB)):
-        _place_digit(topology, verts, place_index, tubes[finger], bones)
+        _place_digit(topology, verts, place_index, tubes[finger])
     return _even_out(topology, verts, surface)
 
 
@@ -133,9 +133,7 @@ def _round_cap(topology: HandTopology, verts: FloatArray) -> None:
     verts[topology.cap] = verts[last].mean(0) + [1.0, 0.0, 0.0]
 
 
-def _place_digit(
-    topology: HandTopology, verts: FloatArray, place_index: int, tube: Digit, bones: FloatArray
-) -> None:
+def _place_digit(topology: HandTopology, verts: FloatArray, place_index: int, tube: Digit) -> None:
     """Places the rings of one digit and its tip."""
     thumb = place_index == 4
     ring = topology.rings[place_index]

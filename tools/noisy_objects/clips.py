@@ -24,7 +24,7 @@ from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.synthesis.shapes.scans import MeshFolder, Scans, build_scans, read_folder
-from tools.noisy_objects.filters import FilterKind, filtered_as
+from tools.noisy_objects.filters import ObjectFilter, filtered_as
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAMES = 60
@@ -50,7 +50,7 @@ SPINS = "spins"
 HandNoise = Literal[Noise, "clean"]
 WhiteNoise = Literal["turn 2", "turn 10", "place 2", "place 10", "both 2", "both 10"]
 """White noise, by its standard deviation per axis in degrees and millimetres."""
-ObjectKind = Literal[ObjectNoise, WhiteNoise, FilterKind, "exact", "spins"]
+ObjectKind = Literal[ObjectNoise, WhiteNoise, ObjectFilter, "exact", "spins"]
 
 
 @cache
@@ -159,8 +159,8 @@ def with_noisy_object(
     generator = seeded_generator("object", kind, sequence.source, seed)
     if kind == SPINS:
         return with_spins(sequence, symmetry, generator)
-    if kind in get_args(FilterKind):
-        return filtered_as(sequence, cast(FilterKind, kind))
+    if kind in get_args(ObjectFilter):
+        return filtered_as(sequence, cast(ObjectFilter, kind))
     if kind in get_args(WhiteNoise):
         return with_white_noise(sequence, kind, generator)
     return corrupt_object(sequence, cast(ObjectNoise, kind), generator=generator)

@@ -15,14 +15,14 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 
-FilterKind = Literal[
+ObjectFilter = Literal[
     "smooth 3", "smooth 6", "lag 0.3", "late 2", "hand smooth 3", "hand lag 0.3", "hand late 2"
 ]
 """A Gaussian filter by its standard deviation in frames, an exponential moving average by the
 weight of a new frame, or a delay in frames; on the object, or on the hand."""
 
 
-def filtered_as(sequence: Sequence, kind: FilterKind) -> Sequence:
+def filtered_as(sequence: Sequence, kind: ObjectFilter) -> Sequence:
     """A sequence whose object, or hand, went through a filter."""
     name, size = kind.removeprefix("hand ").split()
 

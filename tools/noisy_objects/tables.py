@@ -21,7 +21,7 @@ from tools.noisy_objects.clips import (
     SPINS,
     WhiteNoise,
 )
-from tools.noisy_objects.filters import FilterKind
+from tools.noisy_objects.filters import ObjectFilter
 
 KINDS = ("exact", *OBJECT_NOISES)
 HAND = ("result", "result acceleration")
@@ -49,7 +49,7 @@ GRIDS: dict[str, Grid] = {
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
     "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),
     "white": (CLIPS, ("gauss",), get_args(WhiteNoise), {}),
-    "filtered": (CLIPS, ("clean", "burst", "gauss"), ("exact", *get_args(FilterKind)), {}),
+    "filtered": (CLIPS, ("clean", "burst", "gauss"), ("exact", *get_args(ObjectFilter)), {}),
     "alone": (CLIPS[:2], HAND_NOISES, ("exact",), USUAL | {"alone": True}),
 }
 """Clips, noises of the hand, noises of the object and other fields of the cases of each table."""

@@ -14,7 +14,7 @@ from geneoh.evaluation.gestures.encoder import POOL, GestureEncoder, Seen
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval
-from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.metrics.smoothness import acceleration, in_mm_per_frame_squared
 from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.gestures.clips import Gestures
 
@@ -75,7 +75,7 @@ def score_hands(
     Frames after the end of a real clip are not counted: real hands rest there, others do not.
     """
     joints = pose(real.skeleton, motion).positions[:, :, BODY_JOINTS:]
-    moved = per_frame_squared(acceleration(joints, FPS), FPS)
+    moved = in_mm_per_frame_squared(acceleration(joints, FPS), FPS)
     return ScoredHands(
         model.motions(Seen.moved(real, motion)),
         texts,

@@ -174,7 +174,7 @@ def data_root(dataset: Dataset, root: Path | None) -> Path | None:
     return PROTOCOLS[dataset].root(root) if dataset in PROTOCOLS else None
 
 
-ON_DISK = ("grab", "grab-beta", "hoi4d", "arctic", "taco")
+ON_DISK = tuple(PROTOCOLS)
 USES: dict[str, tuple[str, ...]] = {
     "windows": ON_DISK,
     "stride": ON_DISK,

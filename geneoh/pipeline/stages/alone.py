@@ -17,8 +17,8 @@ from geneoh.metrics.contact import TOUCH
 from geneoh.metrics.report import InteractionReport, measure_posed
 from geneoh.metrics.smoothness import (
     acceleration,
+    in_mm_per_frame_squared,
     mean_over_frames,
-    per_frame_squared,
     valid_differences,
 )
 from geneoh.pipeline.stages.context import StageContext
@@ -90,7 +90,7 @@ def measure_hand(
             groups=verts_of_fingers(model),
             within=within,
         )
-    bends = per_frame_squared(acceleration(joints, fps), fps)
+    bends = in_mm_per_frame_squared(acceleration(joints, fps), fps)
     nothing = {
         field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"
     }

@@ -10,10 +10,11 @@ from typing import Any, TypeVar
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import equal_values
 from geneoh.choices import Side
 from geneoh.config import as_field_type
 from geneoh.denoisers.library import load_denoisers
-from geneoh.errors import ConfigError
+from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.library import hand_of_betas
@@ -44,7 +45,7 @@ FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
 """Fewer than for a whole track, because the fit continues from frames already returned."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CleanFrame:
     """One output frame of a stream."""
 
@@ -58,6 +59,8 @@ class CleanFrame:
     contact: Float[Tensor, " 5"] | None = None
     """Probability that each finger touches the object, from the thumb to the little finger; None
     without a hand or an object. It is 0.5 without evidence, as until the hand comes near."""
+
+    __eq__ = equal_values
 
 
 class Stream:
@@ -106,9 +109,9 @@ class Stream:
             ConfigError: a setting is out of range, or not available in a stream.
             MissingAssetError: a MANO hand is requested and there is no MANO file.
         """
-        limits = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
-        for name, (value, kind) in limits.items():
-            as_field_type(value, kind, "geneoh.Stream", name)
+        as_field_type(side, Side, "geneoh.Stream", "side")
+        fps = as_field_type(fps, float, "geneoh.Stream", "fps")
+        lag = as_field_type(lag, float, "geneoh.Stream", "lag")
         plain = Options(preset="fast", samples=2)
         options = with_settings(plain, settings, "geneoh.Stream", ARGUMENTS)
         named_device(options.device)
@@ -119,7 +122,7 @@ class Stream:
                 f"{LONGEST_LAG:g} seconds, got fps {fps:g} and lag {lag:g}; correct them"
             )
         refuse_unknown_model(hand_model, "geneoh.Stream")
-        self._source, self._fps, self._rate = source, float(fps), NETWORK_FPS / fps
+        self._source, self._fps, self._rate = source, fps, NETWORK_FPS / fps
         self._doubts: tuple[str, ...] = ()
         self._side: Side = side
         self._meshes = meshes_of(meshes)
@@ -171,11 +174,17 @@ class Stream:
                 frame is not taken: push the next one in its place.
         """
         where = where or f"{self._source}, frame {self._count}"
+        if self._is_amid:
+            raise InputError(
+                f"{where}: the push before was interrupted amid its work; call flush, after which "
+                "another recording begins"
+            )
         with undisturbed():
             seen = self._reader.observed(hand, object_pose, where)
             unread = object_pose is not None and not self._meshes and not self._has_unread
             self._tell((*self._look.push(seen, where), *([POSES_UNREAD] if unread else ())))
             self._has_unread |= unread
+            self._is_amid = True
             now = self._inward(seen)
             self._lost.append(now.hand is None)
             for frame in self._paced(now):
@@ -184,21 +193,28 @@ class Stream:
                 if self._taken > self._within:
                     self._clean.append(made)
             self._count += 1
-            return self._next() if self._count > self._lag else None
+            clean = self._next() if self._count > self._lag else None
+            self._is_amid = False
+            return clean
 
     def flush(self) -> list[CleanFrame]:
         """Return the remaining clean frames in order; the next `push` begins another recording.
 
+        After a `push` that was interrupted, such as by Ctrl-C, none remain.
+
         Raises:
             InputError: the recording is shorter than two seconds, and the check of its frames shows
-                that it cannot be an interaction.
+                that it cannot be an interaction. It is ended all the same.
         """
-        with undisturbed():
-            self._tell(self._look.end(self._source))
-            self._clean.extend(self._recent.flush())
-            left = [self._next() for _ in range(min(self._lag, self._count))]
-        self._reset()
-        return left
+        try:
+            if self._is_amid:
+                return []
+            with undisturbed():
+                self._tell(self._look.end(self._source))
+                self._clean.extend(self._recent.flush())
+                return [self._next() for _ in range(min(self._lag, self._count))]
+        finally:
+            self._reset()
 
     def _tell(self, doubts: tuple[str, ...]) -> None:
         """Log and store doubts about the input."""
@@ -213,6 +229,7 @@ class Stream:
         self._since: Observed | None = None
         self._reader = self._reads()
         self._has_unread = False  # whether a pose came although there is no mesh
+        self._is_amid = False  # whether a push works, or was interrupted
         self._lost: deque[bool] = deque()
         self._clean: deque[CleanHand | None] = deque()
         self._count = self._taken = self._given = self._dropped = 0

@@ -7,14 +7,12 @@ motion of spine joints that our skeleton lacks.
 """
 
 import io
-import warnings
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 from torch.nn.functional import normalize
 
@@ -35,6 +33,7 @@ UNITS = {**METRES, "inches": INCH, "CMU's unit": 0.056444}
 """Units that programs write, in metres; CMU's skeletons are in inches / 0.45."""
 TYPICAL_LEG = 0.85  # metres from hip to ankle
 TYPICAL_ARM = 0.55  # metres from shoulder to wrist, for skeletons without legs
+GIMBAL_LOCK = 1e-7  # cosine of the second Euler angle below which the others are not unique
 SNAP = 0.8  # cosine above which a direction of the rest pose is snapped to an axis
 LIMBS = (("hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist", "middle1"))
 DIRECTED = {
@@ -178,13 +177,24 @@ def bvh_text(skeleton: Skeleton, motion: BodyMotion, fps: float) -> str:
     lines += ["MOTION", f"Frames: {len(motion.root)}", f"Frame Time: {1 / fps:.9g}"]
     order = written_order()
     turns = motion.rotations[:, order].double().numpy()
-    with warnings.catch_warnings():  # in gimbal lock one of the many triples is as good as another
-        warnings.simplefilter("ignore", UserWarning)
-        angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
-    values = [CM * motion.root.double().numpy(), angles.reshape(len(turns), -1)]
+    values = [CM * motion.root.double().numpy(), euler_angles(turns).reshape(len(turns), -1)]
     rows = io.StringIO()
     np.savetxt(rows, np.concatenate(values, axis=1), fmt="%.6f")
     return "\n".join([*lines, rows.getvalue()])
+
+
+def euler_angles(turns: Float[np.ndarray, "*B 3 3"]) -> Float[np.ndarray, "*B 3"]:
+    """Angles about z, then the new y, then the new x, degrees; about x none where they are not
+    unique (gimbal lock)."""
+    across = np.hypot(turns[..., 0, 0], turns[..., 1, 0])
+    locked = across < GIMBAL_LOCK
+    about_z = np.arctan2(
+        np.where(locked, -turns[..., 0, 1], turns[..., 1, 0]),
+        np.where(locked, turns[..., 1, 1], turns[..., 0, 0]),
+    )
+    about_y = np.arctan2(-turns[..., 2, 0], across)
+    about_x = np.where(locked, 0.0, np.arctan2(turns[..., 2, 1], turns[..., 2, 2]))
+    return np.rad2deg(np.stack([about_z, about_y, about_x], axis=-1))
 
 
 def children_of(joint: int) -> list[int]:

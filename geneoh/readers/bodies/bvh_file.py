@@ -5,7 +5,6 @@ which many exporters write, and one never returns on a truncated file.
 """
 
 import re
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -160,12 +159,10 @@ def _read_motion(text: str, channels: int, path: Path) -> tuple[Array, float]:
         )
     if frames * channels > NUMBERS_LIMIT:
         raise InputError(f"{path}: expected at most {NUMBERS_LIMIT} numbers, got more; cut it")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            values = np.fromstring(text[head.end() :], sep=" ")
-        except (DeprecationWarning, ValueError):
-            raise InputError(f"{path}: expected numbers only after Frame Time; {DAMAGED}") from None
+    try:
+        values = np.array(text[head.end() :].split(), dtype=np.float64)
+    except ValueError:
+        raise InputError(f"{path}: expected numbers only after Frame Time; {DAMAGED}") from None
     if values.size != frames * channels:
         raise InputError(
             f"{path}: expected {frames} frames of {channels} numbers as its hierarchy says, got "

@@ -1,5 +1,6 @@
 """Read a body's motion from any supported file, and the object in its hands."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
@@ -108,7 +109,7 @@ def object_of_body(
     record = foreign_files.read_record(path) if own else Record(str(path), {})
     poses = poses_of(object_pose, str(path))
     record = with_callers(record, "obj_pose", poses and poses.matrices)
-    meshes = meshes_of(obj, unit) or find_meshes(record, path.parent)[0]
+    meshes = meshes_of(obj, unit) or find_meshes(record, Path(os.path.realpath(path)).parent)[0]
     motion = read_object(record, meshes, frames)
     if len(motion.rotation) != frames:
         raise InputError(

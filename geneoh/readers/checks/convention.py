@@ -43,7 +43,8 @@ def contradictions(recording: Recording) -> list[str]:
     try:
         check_sequence(sequence, recording.name)
     except InputError as error:
-        found.append(f"units and frames: {error}")
+        words = str(error).removeprefix(f"{recording.name}: ")
+        found.append(f"units and frames: {words}")
     found += [f"units: {words}" for words in map(size_warning, sequence.object.meshes) if words]
     for hand in sequence.hands:
         sentences = (

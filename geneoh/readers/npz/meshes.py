@@ -31,7 +31,10 @@ def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
 def _seen_from(folder: Path, file: Path) -> str:
     """The path from a folder to a file, so that both can be moved together."""
     try:
-        return Path(os.path.relpath(file, folder)).as_posix()
+        seen = Path(os.path.relpath(file, folder))
+        if os.path.exists(file) and not os.path.exists(folder / seen):  # `..` behind a link
+            seen = Path(os.path.relpath(os.path.realpath(file), os.path.realpath(folder)))
+        return seen.as_posix()
     except ValueError:  # another drive of Windows
         return str(file.absolute())
 
@@ -45,7 +48,7 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
     meshes: list[Mesh] = []
     for index, name in enumerate(names):
         path = folder / name
-        if not path.is_file():
+        if not os.path.isfile(path):
             return (), f"the object's mesh {name} is not there any more"
         try:
             same = known_mesh(path, hashes[index : index + 1] if hashes else None)

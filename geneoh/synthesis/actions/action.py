@@ -12,6 +12,7 @@ from geneoh.geometry.rigid import Rigid, joint_poses, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import mean_skeletons
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.language.vocabulary import VERB_WORDS
 
 TOUCHED = 0.02
 """Distance from a keypoint within which a point of the object counts as touched, metres (paper)."""
@@ -22,21 +23,7 @@ DECIMETRES = 10.0
 LONGEST = 150
 """Most frames of an action (paper: 5 s)."""
 
-VERBS = (
-    "lift",
-    "put down",
-    "carry",
-    "slide",
-    "rotate",
-    "pour",
-    "tilt",
-    "shake",
-    "inspect",
-    "press",
-    "open",
-    "close",
-    "pass",
-)
+VERBS = tuple(VERB_WORDS)
 """What hands do to objects; `Actions.verb` is an index into them."""
 
 

@@ -15,7 +15,7 @@ from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
 from geneoh.generators.both2hands.sampling import Both2HandsSampling, generate_hands, sample_hands
 from geneoh.geometry.rotations import matrix_to_axis_angle
-from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.metrics.smoothness import acceleration, in_mm_per_frame_squared
 from geneoh.readers.bodies.base import BodyRecording, resting_body
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 
@@ -56,7 +56,7 @@ def shaking(fingers) -> float:
     root = torch.zeros(*fingers.shape[:2], 3)
     posed = pose(embedded_skeleton(), BodyMotion(root, torch.cat([still, fingers], 2)))
     joints = posed.positions[:, :, BODY_JOINTS:]
-    return float(per_frame_squared(acceleration(joints, FPS), FPS).mean())
+    return float(in_mm_per_frame_squared(acceleration(joints, FPS), FPS).mean())
 
 
 def beyond(fingers):

@@ -291,8 +291,6 @@ def test_a_frame_that_shows_no_interaction_is_refused_and_not_taken(noisy, unmov
         stream.push(noisy.hands[0].joints[frame], (motion.rotation[frame], away[frame]))
     with pytest.raises(InputError, match="the stream, frame 59: the left hand must come near"):
         stream.push(noisy.hands[0].joints[59], (motion.rotation[59], away[59]))
-    with pytest.raises(InputError, match="the stream: the left hand must come near"):
-        stream.flush()
     mended = motion.rotation[59], motion.translation[59]
     assert stream.push(noisy.hands[0].joints[59], mended).index == 56
 
@@ -400,3 +398,35 @@ def test_a_part_that_no_frame_has_a_pose_of_is_as_none(noisy):
         alone.push(track[frame : frame + 1], (turn, place))
         both.push(track[frame : frame + 1], (turn.repeat(2, 1, 1), torch.cat([place, lost])))
     assert torch.equal(joints_of(both.flush()), joints_of(alone.flush()))
+
+
+def test_a_recording_that_is_refused_at_its_end_is_ended(noisy, unmoved):
+    stream, motion = Stream(noisy.object.meshes, side="left", lag=0.1), noisy.object
+    for frame in range(8):
+        away = motion.rotation[frame], 1000 * motion.translation[frame]
+        stream.push(noisy.hands[0].joints[frame], away)
+    with pytest.raises(InputError, match="the stream: the left hand must come near"):
+        stream.flush()
+    assert [frame.index for frame in pushed(stream, noisy[:5])] == [0, 1, 2, 3, 4]
+
+
+def test_a_push_that_was_interrupted_ends_the_recording(noisy, unmoved, monkeypatch):
+    def interrupt(*given, **more):
+        raise KeyboardInterrupt
+
+    stream, hand = Stream((), 30, 0.1, side="left"), noisy.hands[0]
+    stream.push(hand[:1])
+    with monkeypatch.context() as patched:
+        patched.setattr(recent, "fit_hand", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            [stream.push(hand[frame : frame + 1]) for frame in range(1, 9)]
+    with pytest.raises(InputError, match="was interrupted amid its work"):
+        stream.push(hand[9:10])
+    assert stream.flush() == []
+    assert len(pushed(stream, noisy[:5])) == 5
+
+
+def test_frames_that_are_alike_are_equal(noisy, unmoved):
+    first, again = (pushed(Stream((), 30, side="left"), noisy[:2]) for _ in range(2))
+    assert first == again
+    assert first[0] != first[1]

@@ -11,7 +11,7 @@ from geneoh.body.motion import pose
 from geneoh.body.skeleton import JOINT_NAMES, PARENTS, Skeleton, embedded_skeleton
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import turn_up
-from geneoh.readers.bodies.bvh import bvh_text, read_bvh
+from geneoh.readers.bodies.bvh import bvh_text, euler_angles, read_bvh
 
 SWAYING = bodies.swaying()
 MIXAMO = {
@@ -162,3 +162,14 @@ def test_the_unit_is_told_by_the_legs(tmp_path, metres):
         body.skeleton.offsets, embedded_skeleton().offsets, atol=1e-5, rtol=0
     )
     torch.testing.assert_close(body.motion.root, SWAYING.root, atol=1e-5, rtol=0)
+
+
+def test_euler_angles_are_scipys_and_exist_in_gimbal_lock():
+    turns = Rotation.random(50, random_state=0)
+    found = euler_angles(turns.as_matrix())
+    np.testing.assert_allclose(found, turns.as_euler("ZYX", degrees=True), atol=1e-9)
+    locked = Rotation.from_euler("ZYX", [[20, 90, 50], [-70, -90, 10]], degrees=True).as_matrix()
+    angles = euler_angles(locked)
+    assert (angles[:, 2] == 0).all()
+    again = Rotation.from_euler("ZYX", angles, degrees=True).as_matrix()
+    np.testing.assert_allclose(again, locked, atol=1e-6)

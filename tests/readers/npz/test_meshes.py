@@ -162,3 +162,17 @@ def test_the_meshes_of_the_parts_in_another_order_are_refused(tmp_path):
     assert len(geneoh.load(tmp_path / "a.npz", obj=files).object.meshes) == 2
     with pytest.raises(InputError, match=r"a\.npz: .*got those of the parts 2, 1; exchange them"):
         geneoh.load(tmp_path / "a.npz", obj=files[::-1])
+
+
+def test_meshes_are_found_again_behind_a_link(kept, tmp_path):
+    sequence = geneoh.load(kept)
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    (tmp_path / "link").symlink_to("far/away")
+    (tmp_path / "link.npz").symlink_to("far/away/linked.npz")
+    for written, read in (
+        ("link/clip.npz", "far/away/clip.npz"),
+        ("link.npz", "far/away/linked.npz"),
+    ):
+        geneoh.save(sequence, tmp_path / written)
+        assert geneoh.load(tmp_path / written).object.meshes
+        assert geneoh.load(tmp_path / read).object.meshes

@@ -1,6 +1,7 @@
 """The meaning of a user's sentence: hands, verb, length and giving hand."""
 
 import re
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -159,7 +160,8 @@ def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[st
     if not named:
         meant = as_meant(words)
         named = named_verbs(meant)
-    scores = dict(zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True))
+    found = zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True)
+    scores = defaultdict(float, found)  # 0 for verbs that are newer than the weights
     if not named:
         nearest = max(VERBS, key=lambda verb: scores[verb])
         return nearest, False, (f"no verb of the sentence is known; the nearest is '{nearest}'",)
