@@ -140,7 +140,7 @@ def _fit_frames(
     steady = steadiness_weight(config).to(target)
     rounds = config.contact_rounds if obstacles else 0
     total = config.iterations + 2 * rounds
-    damping = target.new_full((len(target), 1), 1e-2)
+    damping = target.new_full(target.shape[:2] if config.by_frame else (len(target), 1), 1e-2)
     state, done = start, 0
     for around in range(rounds + 1):
         met = [planes(state, shaped, config) for planes in obstacles] if around else []
@@ -166,10 +166,13 @@ def fit_keypoints(
     trust: Float[Tensor, "S T 21"],
     shaped: ShapedHand,
     start: HandState | None = None,
+    *,
+    iterations: int = KEYPOINTS_ALONE.iterations,
 ) -> HandState:
     """Hand parameters of an uncleaned track; `start` is initialised from the keypoints if None."""
     start = start or start_from_keypoints(target, shaped, trust)
-    return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)
+    config = replace(KEYPOINTS_ALONE, iterations=iterations)
+    return fit_hand(target, trust, shaped, start, config=config)
 
 
 def steadiness_weight(config: FitConfig) -> Float[Tensor, " 51"]:
@@ -184,32 +187,34 @@ def _step(
     here: Equations,
     equations: Callable[[HandState], Equations],
     weight: Float[Tensor, " 51"],
-    damping: Float[Tensor, "S 1"],
-) -> tuple[HandState, Equations, Float[Tensor, "S 1"]]:
-    """One Levenberg-Marquardt step per sample. It is accepted, and the damping lowered, where the
-    energy falls; otherwise the damping rises."""
+    damping: Float[Tensor, "S D"],
+) -> tuple[HandState, Equations, Float[Tensor, "S D"]]:
+    """One Levenberg-Marquardt step. It is accepted, and the damping lowered, where the energy
+    falls, otherwise the damping rises: in each frame with D = T, in each sample with D = 1."""
+    by_frame = damping.shape[1] == here.energy.shape[1]
     steady, pull = steadiness(state, weight)
-    before = (here.energy + steady).sum(-1, keepdim=True)
-    scale = here.matrix.diagonal(dim1=-2, dim2=-1).mean((-1, -2))[:, None, None]
-    ridge = (damping[..., None] * scale).expand(*here.gradient.shape)
+    before, diagonal = here.energy + steady, here.matrix.diagonal(dim1=-2, dim2=-1)
+    scale = diagonal.mean(-1) if by_frame else diagonal.mean((-1, -2))[:, None]
+    before = before if by_frame else before.sum(-1, keepdim=True)
+    ridge = (damping * scale)[..., None].expand(*here.gradient.shape)
     step = solve_coupled_frames(
         here.matrix + torch.diag_embed(ridge), -(here.gradient + pull), weight.square()
     )
     moved = state.moved(step)
     there = equations(moved)
-    after = (there.energy + steadiness(moved, weight)[0]).sum(-1, keepdim=True)
-    better = after < before
+    after = there.energy + steadiness(moved, weight)[0]
+    better = (after if by_frame else after.sum(-1, keepdim=True)) < before
     damping = torch.where(better, damping / 4, damping * 6).clamp(1e-6, 1e3)
-    return _pick(better[:, 0], moved, state), _pick(better[:, 0], there, here), damping
+    return _pick(better, moved, state), _pick(better, there, here), damping
 
 
 Found = TypeVar("Found", HandState, Equations)
 
 
-def _pick(better: Bool[Tensor, " S"], new: Found, old: Found) -> Found:
-    """`new` for the samples that got better, `old` for the others."""
+def _pick(better: Bool[Tensor, "S D"], new: Found, old: Found) -> Found:
+    """`new` for the frames or samples that got better, `old` for the others."""
 
     def picked(new: Tensor, old: Tensor) -> Tensor:
-        return torch.where(better.view(-1, *[1] * (new.ndim - 1)), new, old)
+        return torch.where(better.view(*better.shape, *[1] * (new.ndim - 2)), new, old)
 
     return type(new)(*map(picked, vars(new).values(), vars(old).values()))

@@ -13,8 +13,15 @@ from torch import Tensor
 
 from geneoh.fitting.terms import HandState
 from geneoh.hand.model import ShapedHand
-from geneoh.hand.skeleton import bones_at_rest, forward_kinematics, trust_of_bones
+from geneoh.hand.skeleton import (
+    MANO_FROM_OPENPOSE,
+    bones_at_rest,
+    forward_kinematics,
+    trust_of_bones,
+)
 
+STEADY = 0.1
+"""Standard deviation of a bone's measured length, as a share of it, from which it is not taken."""
 CORRELATION_FRAMES = 10.0  # of tracker errors: so many frames count as one sample
 
 
@@ -24,6 +31,16 @@ class OwnSkeleton:
 
     offsets: Float[Tensor, "20 3"]  # rest offsets of this skeleton, metres
     wrist: Float[Tensor, " 3"]  # offset from the fitted wrist to this one, local frame, metres
+
+    def with_lengths(
+        self, lengths: Float[Tensor, " 20"], noise: Float[Tensor, " 20"]
+    ) -> "OwnSkeleton":
+        """The skeleton with bones of `measured_lengths`, as far as these are the same in all
+        frames: where the fitted hand bends in another way, mean residuals shorten bones."""
+        order = [keypoint - 1 for keypoint in MANO_FROM_OPENPOSE[1:]]
+        share = (1 - (noise / (STEADY * lengths)).square()).clamp(min=0).nan_to_num(0.0)[order]
+        longer = lengths.nan_to_num(0.0)[order] / self.offsets.norm(dim=-1) - 1
+        return replace(self, offsets=self.offsets * (1 + share * longer)[:, None])
 
     def carried(self, state: HandState) -> HandState:
         """The fitted parameters with the wrist position of this skeleton."""

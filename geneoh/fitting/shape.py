@@ -5,11 +5,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.hand.model import HandModel
-from geneoh.hand.skeleton import OPENPOSE_FROM_MANO
+from geneoh.hand.skeleton import KEYPOINT_PARENTS, OPENPOSE_FROM_MANO, bone_lengths
 
 OFFSET_STD = 0.0005  # standard deviation of a rest offset from pose and joints, metres
 BONE_STD = 0.002  # standard deviation of a bone length from noisy joints alone, metres
 GAUSS_NEWTON_STEPS = 8
+NORMAL_SPREAD = 1.4826  # standard deviation of a normal distribution / its median absolute value
 
 
 def _skeleton_basis(model: HandModel) -> tuple[Float[Tensor, "20 3"], Float[Tensor, "20 3 S"]]:
@@ -47,3 +48,19 @@ def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float
         miss = (lengths - length) / BONE_STD
         betas = betas + torch.linalg.solve(rows.T @ rows + eye, rows.T @ miss - betas)
     return betas
+
+
+def measured_lengths(
+    joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]
+) -> tuple[Float[Tensor, " 20"], Float[Tensor, " 20"]]:
+    """Median `bone_lengths` over frames in which both ends are trusted, and the standard deviation
+    of a measured length, metres; NaN without any.
+
+    The median is corrected for noise: noise of standard deviation s across a bone of length b
+    lengthens it by s^2 / b, and s is the standard deviation of the measured length.
+    """
+    ends = (trust[:, 1:] > 0) & (trust[:, list(KEYPOINT_PARENTS[1:])] > 0)
+    lengths = bone_lengths(joints).masked_fill(~ends, torch.nan)
+    median = lengths.nanmedian(0).values
+    noise = NORMAL_SPREAD * (lengths - median).abs().nanmedian(0).values
+    return (median + (median**2 - 4 * noise**2).clamp(min=0).sqrt()) / 2, noise

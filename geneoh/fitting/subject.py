@@ -8,17 +8,16 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.fitting.fit import fit_keypoints
-from geneoh.fitting.own_skeleton import own_skeleton
-from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
+from geneoh.fitting.own_skeleton import OwnSkeleton, own_skeleton
+from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets, measured_lengths
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.hand.skeleton import KEYPOINT_PARENTS, bone_lengths, forward_kinematics, rest_offsets
+from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import Carrier, blendable
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015  # greatest mean distance of input joints to the posed hand's, metres
-NORMAL_SPREAD = 1.4826  # standard deviation of a normal distribution / its median absolute value
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,12 @@ class Subject(Bundle):
         keypoints came without a pose; see `own_skeleton`."""
         if self.start is not None:
             return self, state
-        own = own_skeleton(state, self.joints, self.trust, self.shaped)
+        own = self.with_own_lengths(own_skeleton(state, self.joints, self.trust, self.shaped))
         return replace(self, offsets=own.offsets[None]), own.carried(state)
+
+    def with_own_lengths(self, skeleton: OwnSkeleton) -> OwnSkeleton:
+        """A skeleton with bones as long as those of the track's keypoints."""
+        return skeleton.with_lengths(*measured_lengths(self.joints, self.trust))
 
     def completed(self, state: HandState) -> "Subject":
         """The subject with keypoints of zero trust replaced by those of the posed hand; filled
@@ -104,7 +107,7 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
     elif skeleton is not None:
         betas = betas_from_offsets(model, skeleton)
     else:
-        betas = betas_from_lengths(model, _lengths(joints, trust))
+        betas = betas_from_lengths(model, measured_lengths(joints, trust)[0])
     shaped = model.shaped(betas)
     offsets = shaped.offsets if skeleton is None else skeleton
     start = None if rotations is None else HandState(rotations[None], posed[None, :, 0])
@@ -123,16 +126,3 @@ def _posed(
     share = trust / trust.sum(-1, keepdim=True).clamp(min=1e-6)
     offset = (share[..., None] * (joints - made)).sum(1)
     return made + torch.where(trust[:, :1] > 0, 0.0, offset)[:, None]
-
-
-def _lengths(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> Float[Tensor, " 20"]:
-    """Median `bone_lengths` over frames in which both ends are trusted, metres; NaN without any.
-
-    The median is corrected for noise: noise of standard deviation s across a bone of length b
-    lengthens it by s^2 / b, and s is the standard deviation of the measured length.
-    """
-    ends = (trust[:, 1:] > 0) & (trust[:, list(KEYPOINT_PARENTS[1:])] > 0)
-    lengths = bone_lengths(joints).masked_fill(~ends, torch.nan)
-    median = lengths.nanmedian(0).values
-    noise = NORMAL_SPREAD * (lengths - median).abs().nanmedian(0).values
-    return (median + (median**2 - 4 * noise**2).clamp(min=0).sqrt()) / 2

@@ -69,7 +69,8 @@ class FittedHand:
         if self.surface is not None and self.preset.contact:  # contact would bias the skeleton
             config = replace(fit, contact_rounds=0)
             free = fit_hand(self.target, trust, shaped, state, config=config)
-        return own_skeleton(free, self.target[0], trust[0], shaped).posed(state)[0]
+        own = own_skeleton(free, self.target[0], trust[0], shaped)
+        return self.subject.with_own_lengths(own).posed(state)[0]
 
     def skin(self, frames: slice, *, given: bool = False) -> ChangingSurface:
         """The hand's surface in some frames, world frame, mirrored back for a left hand: of the

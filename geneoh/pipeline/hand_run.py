@@ -10,6 +10,7 @@ from geneoh.choices import Selection
 from geneoh.denoisers.library import Denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.jumps import without_jumps
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.fitting.twist import untwisted
@@ -147,4 +148,6 @@ def _fit(
         evidence=evidence,
         on_step=on_step,
     )
+    if surface is not None and chosen.contact:
+        state = without_jumps(state, target, subject.shaped, chosen.fit)
     return state, subject.shaped, subject.betas

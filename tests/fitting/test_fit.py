@@ -7,7 +7,13 @@ import trimesh
 from torch import Tensor
 
 from geneoh.fitting.contact_planes import Nearby, contact_planes, planes_apart, way_out
-from geneoh.fitting.fit import fit_hand, possible_start, start_from_keypoints, steadiness_weight
+from geneoh.fitting.fit import (
+    fit_hand,
+    fit_keypoints,
+    possible_start,
+    start_from_keypoints,
+    steadiness_weight,
+)
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.changing_surface import ChangingSurface
@@ -50,6 +56,15 @@ def test_the_keypoint_start_lays_the_palm_on_its_keypoints(hand, shaped, make_st
     torch.testing.assert_close(start.wrist, state.wrist)
     relaxed = axis_angle_to_matrix(hand.pose_mean[1:])
     torch.testing.assert_close(start.rotations[1, 1, 1:], relaxed)
+
+
+def test_a_frame_that_no_hand_reaches_holds_back_no_other_frame(shaped, make_state):
+    target = joints_of(make_state(frames=8), shaped)
+    generator = torch.Generator().manual_seed(0)
+    target[:, 3] += 0.05 * torch.randn(21, 3, generator=generator)
+    others = torch.arange(8) != 3
+    fitted = joints_of(fit_keypoints(target, ones(target), shaped), shaped)
+    assert (fitted - target)[:, others].norm(dim=-1).mean() < 0.0005
 
 
 def test_a_known_pose_is_recovered_from_its_keypoints(shaped, make_state):

@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from geneoh.fitting.own_skeleton import own_skeleton
+from geneoh.fitting.own_skeleton import OwnSkeleton, own_skeleton
+from geneoh.fitting.shape import measured_lengths
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -73,3 +74,26 @@ def test_skeleton_does_not_depend_on_where_the_hand_is(moved):
     shifted = HandState(state.rotations, state.wrist + moved)
     own = own_skeleton(shifted, joints + moved, torch.ones(30, 21), SHAPED)
     torch.testing.assert_close(own.offsets, offsets, atol=1e-5, rtol=0)
+
+
+def test_bones_are_as_long_as_the_keypoints_though_the_fitted_hand_bends_elsewhere():
+    state = moving(30)
+    joints, offsets = foreign(state)
+    other = HandState(moving(31)[1:].rotations, state.wrist)
+    found = own_skeleton(other, joints, torch.ones(30, 21), SHAPED)
+    assert (found.offsets.norm(dim=-1) - offsets.norm(dim=-1)).abs().max() > 0.002
+    lengths, noise = measured_lengths(joints, torch.ones(30, 21))
+    kept = found.with_lengths(lengths, noise).offsets.norm(dim=-1)
+    torch.testing.assert_close(kept, offsets.norm(dim=-1), atol=1e-5, rtol=0)
+
+
+def test_lengths_that_differ_from_frame_to_frame_are_not_taken():
+    joints, _ = foreign(moving(30))
+    noisy = joints + 0.01 * torch.randn(joints.shape, generator=torch.Generator().manual_seed(1))
+    own = OwnSkeleton(SHAPED.offsets, torch.zeros(3))
+    kept = own.with_lengths(*measured_lengths(noisy, torch.ones(30, 21)))
+    torch.testing.assert_close(kept.offsets, own.offsets)
+    torch.testing.assert_close(
+        own.with_lengths(torch.full((20,), torch.nan), torch.full((20,), torch.nan)).offsets,
+        own.offsets,
+    )

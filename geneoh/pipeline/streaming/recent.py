@@ -50,6 +50,7 @@ HELD, HOLD = 2, 30.0
 """Number of already returned frames in the fit, and their weight relative to new frames."""
 AHEAD = 2  # frames after the requested ones that the fit includes
 SETTLED = WINDOW  # observed frames after which the hand shape is fixed
+FIT_STEPS = 8  # of the fit to keypoints alone, which goes on in the next frames
 
 
 class RecentHand:
@@ -208,16 +209,15 @@ class RecentHand:
         """
         if subject.start is not None:
             return subject.start
-        joints, trust = subject.joints[None], subject.fit_trust[None]
+        joints, trust, known = subject.joints[None], subject.fit_trust[None], 0
         start = start_from_keypoints(joints, subject.shaped, trust)
-        known = 0
         if self._given is not None:
             before = self._given[1][first - self._given[0] :][:settled]
             start = concatenated([before, start[before.wrist.shape[1] :]])
             known = max(before.wrist.shape[1] - HELD, 0)
         new = slice(known, None)
-        found = fit_keypoints(joints[:, new], trust[:, new], subject.shaped, start[new])
-        found = concatenated([start[:known], found])
+        unknown = joints[:, new], trust[:, new], subject.shaped, start[new]
+        found = concatenated([start[:known], fit_keypoints(*unknown, iterations=FIT_STEPS)])
         observed = int(track.observed.nonzero()[-1]) + 1  # later, filled frames may change
         self._given = first, found[: min(observed, settled)]
         return found

@@ -1,0 +1,61 @@
+"""Jumps of a fitted hand where it changes the side by which it leaves the object.
+
+The surface terms of the fit choose a way out of the object in each frame. Where that changes from
+one frame to the next, the hand jumps by as much as it is deep, which is seen at once. A hand that
+passes through the surface within some frames looks right.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d, median_filter
+from torch import Tensor
+
+from geneoh.fitting.fit import fit_hand
+from geneoh.fitting.fit_config import FitConfig
+from geneoh.fitting.terms import HandState
+from geneoh.hand.model import ShapedHand
+
+LARGEST_BEND = 0.014
+"""Second difference over frames, metres, of a keypoint's distance from its target at which the fit
+counts as jumping: real hands seldom accelerate so much."""
+AROUND = 4
+"""Frames on either side of a jump that change."""
+MEDIAN, WIDTH, EDGE = 7, 1.5, 1.0
+"""Frames of the median, and standard deviations in frames of the Gaussians over the distances and
+over the share of each frame that changes."""
+STEPS = 3
+
+
+def without_jumps(
+    state: HandState,
+    target: Float[Tensor, "1 T 21 3"],
+    shaped: ShapedHand,
+    config: FitConfig,
+) -> HandState:
+    """A fitted hand whose keypoints keep smooth distances from their targets.
+
+    Around a jump these distances are replaced by a smoothed median over frames, and the hand is
+    fitted to keypoints there, without the object. A hand without a jump stays as it is.
+    """
+    away = state.joints(shaped) - target
+    bend = away.diff(n=2, dim=1).norm(dim=-1).amax(-1)[0]
+    jumps = torch.nn.functional.pad(bend > LARGEST_BEND, (1, 1)).cpu().numpy()
+    if not jumps.any():
+        return state
+    near = np.convolve(jumps, np.ones(2 * AROUND + 1), mode="same") > 0
+    share = gaussian_filter1d(near.astype(float), EDGE, mode="nearest")
+    given = away[0].cpu().numpy()
+    median = median_filter(given, size=(MEDIAN, 1, 1), mode="nearest")
+    calm = torch.from_numpy(gaussian_filter1d(median, WIDTH, axis=0, mode="nearest")).to(away)
+    changed = torch.from_numpy(share).to(away)[:, None, None]
+    aim = target + torch.lerp(away, calm[None], changed)
+    alone = replace(config, contact_rounds=0, iterations=STEPS)
+    moved = fit_hand(aim, torch.ones_like(aim[..., 0]), shaped, state, config=alone)
+    there = changed > 0
+    return HandState(
+        torch.where(there[..., None], moved.rotations, state.rotations),
+        torch.where(there[..., 0], moved.wrist, state.wrist),
+    )
