@@ -7,10 +7,9 @@ passes through the surface within some frames looks right.
 
 from dataclasses import replace
 
-import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d, median_filter
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, median_filter
 from torch import Tensor
 
 from geneoh.fitting.fit import fit_hand
@@ -21,6 +20,8 @@ from geneoh.hand.model import ShapedHand
 LARGEST_BEND = 0.014
 """Second difference over frames, metres, of a keypoint's distance from its target at which the fit
 counts as jumping: real hands seldom accelerate so much."""
+MOST = 0.25
+"""Share of frames with jumps above which a hand stays as it is: it moves wildly all the time."""
 AROUND = 4
 """Frames on either side of a jump that change."""
 MEDIAN, WIDTH, EDGE = 7, 1.5, 1.0
@@ -43,10 +44,10 @@ def without_jumps(
     away = state.joints(shaped) - target
     bend = away.diff(n=2, dim=1).norm(dim=-1).amax(-1)[0]
     jumps = torch.nn.functional.pad(bend > LARGEST_BEND, (1, 1)).cpu().numpy()
-    if not jumps.any():
+    if not 0 < jumps.mean() <= MOST:
         return state
-    near = np.convolve(jumps, np.ones(2 * AROUND + 1), mode="same") > 0
-    share = gaussian_filter1d(near.astype(float), EDGE, mode="nearest")
+    near = maximum_filter1d(jumps.astype(float), 2 * AROUND + 1, mode="nearest")
+    share = gaussian_filter1d(near, EDGE, mode="nearest")
     given = away[0].cpu().numpy()
     median = median_filter(given, size=(MEDIAN, 1, 1), mode="nearest")
     calm = torch.from_numpy(gaussian_filter1d(median, WIDTH, axis=0, mode="nearest")).to(away)

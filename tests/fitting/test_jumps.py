@@ -37,6 +37,15 @@ def test_a_hand_that_changes_its_side_for_good_does_so_within_some_frames(shaped
     torch.testing.assert_close(calm.wrist[:, [0, -1]], state.wrist[:, [0, -1]])
 
 
+def test_a_short_track_is_calmed_too(shaped, make_state):
+    still = make_state(frames=1)
+    target = still.joints(shaped).expand(1, 8, -1, -1)
+    wrist = still.wrist + 0.02 * (torch.arange(8) > 3)[:, None]
+    state = replace(still, rotations=still.rotations.expand(1, 8, -1, -1, -1), wrist=wrist)
+    calm = without_jumps(state, target, shaped, FitConfig())
+    assert bend(calm.joints(shaped)) < 0.7 * bend(state.joints(shaped))
+
+
 def test_a_hand_without_a_jump_stays_as_it_is(shaped, make_state):
     state = make_state(frames=1)
     state = replace(
@@ -46,5 +55,7 @@ def test_a_hand_without_a_jump_stays_as_it_is(shaped, make_state):
     )
     target = state.joints(shaped) + 0.3 * LARGEST_BEND * torch.rand(1, 9, 21, 3)
     assert without_jumps(state, target, shaped, FitConfig()) is state
+    wild = replace(state, wrist=state.wrist + 0.03 * torch.arange(9)[:, None].remainder(2))
+    assert without_jumps(wild, target, shaped, FitConfig()) is wild
     short = state[:2]
     assert without_jumps(short, target[:, :2], shaped, FitConfig()) is short

@@ -127,8 +127,8 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy, start):
     stages = [result.hands["left"].samples[0] for result in (a, b)]
     # where gradients cancel, the steps of the alignment's Adam are as large as rounding makes them:
     # without TemporalDiff the stages agree within 1e-6, but for one shift of the whole hand by some
-    # micrometres: SpatialDiff's density is steep, and rounding moves its mean; rounding also decides
-    # on the last steps of the fit to the keypoints
+    # micrometres: SpatialDiff's density is steep, and rounding moves its mean. Rounding decides on
+    # the last steps of the fit to the keypoints, too
     apart = ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1)
     assert apart.median() < 3e-5
     assert (apart > 1e-4).float().mean() < 0.01

@@ -14,7 +14,8 @@ from geneoh.bundle import equal_values, repr_by_shapes
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields
 from geneoh.files.npz import Arrays
-from geneoh.generators.text2hoi.choosing import missed_motion, moved_by
+from geneoh.generators.text2hoi.choosing import missed_motion
+from geneoh.generators.text2hoi.missing import fault_note, missing_notes
 from geneoh.generators.text2hoi.networks.library import (
     Text2HoiNetworks,
     load_refiner,
@@ -24,11 +25,10 @@ from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
-from geneoh.generators.text2hoi.physics.resting import eased_time, finished, touching_hands
+from geneoh.generators.text2hoi.physics.resting import eased_time, finished, retimed
 from geneoh.generators.text2hoi.physics.settling import settled
 from geneoh.generators.text2hoi.physics.standing import StandingObject, stand_on_table
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
-from geneoh.generators.text2hoi.sentences.passing import passed_by
 from geneoh.generators.text2hoi.sentences.prompt import JOINTED, Prompt, read_prompt
 from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
@@ -44,8 +44,7 @@ from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.actions.action import FPS, Actions
 
-STILL = 0.01
-"""How far an object moves at most that is told to rest, metres."""
+LENGTHS = 32  # lengths drawn for a sentence; their range is what it has in training
 
 
 @dataclass(frozen=True)
@@ -154,7 +153,7 @@ def generate(
         actions = jointed.guided(actions)
     elif missed_motion(actions) > 0:
         fault = "hands are not always at the object while it should move, and it then rests"
-        notes = (_fault_note(options.draws, fault),)
+        notes = (fault_note(options.draws, fault),)
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
     hold = seeded_generator(options.seed, "hold")
@@ -165,7 +164,7 @@ def generate(
     else:
         settle = partial(settled, stood=stood, generator=hold)
         actions = finished(actions, settle if settles else None)
-    notes = (*notes, *_missing(actions, prompt, options.draws))
+    notes = (*notes, *missing_notes(actions, prompt, options.draws))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
     sequence, refined = placed_sequence(actions, stood, meshes, prompt.sentence), None
     if options.refine == "geneoh":
@@ -183,22 +182,31 @@ def _sampled(
     on_progress: OnProgress | None,
 ) -> tuple[Actions, Float[Tensor, "1 P"]]:
     """What the networks make of a prompt: one action, and the probability of contact at each point
-    of the object."""
-    frames = options.frames or prompt.frames or _length_of(networks, prompt, options)
+    of the object.
+
+    In a length that the verb does not have in training, networks do something else. So the action
+    is sampled in the nearest usual length, and then brought to the requested one.
+    """
+    usual = _lengths_of(networks, prompt, options)
+    frames = options.frames or prompt.frames or usual[0]
+    learned = min(max(frames, min(usual)), max(usual))
     objects = objects_of(stood) if jointed is None else jointed.objects
     actions, contact = sample_actions(
         networks,
         objects.to(options.device),
         [prompt.network_text],
         [prompt.hands],
-        torch.tensor([frames]),
+        torch.tensor([learned]),
         Text2HoiSampling(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=seeded_generator(options.seed, "motion"),
         giver=[prompt.giver],
         fitting=None if jointed is None else jointed.reached,
         on_step=on_progress and partial(on_progress, "motion"),
     )
-    return actions.to("cpu"), contact.to("cpu")
+    actions = actions.to("cpu")
+    if learned != frames:
+        actions = retimed(actions, torch.tensor([frames]))
+    return actions, contact.to("cpu")
 
 
 def _cleaned(
@@ -213,24 +221,13 @@ def _cleaned(
     return result_at_times(refined, eased_time(sequence.frames, torch.tensor([[last]]))[0])
 
 
-def _missing(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ...]:
-    """Notes on what the sentence asks for and the finished first action lacks."""
-    found = []
-    if prompt.verb != "press" and moved_by(actions)[0] < STILL:
-        told = "more frames or another seed may make it move"
-        found.append(f"the object hardly moves in these {int(actions.length[0])} frames; {told}")
-    idle = actions.hands[0] & ~touching_hands(actions)[0].any(1)
-    for side in (side for side, away in zip(SIDES, idle.tolist(), strict=True) if away):
-        found.append(_fault_note(draws, f"the {side} hand does not come to the object"))
-    if not passed_by(actions, [prompt.giver]).all():
-        found.append(_fault_note(draws, f"the {prompt.giver} hand does not pass the object on"))
-    return tuple(found)
-
-
-def _length_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> int:
-    """A random number of frames that suits the sentence."""
-    text = networks.text.encode([prompt.network_text])
-    return int(networks.length.sample(text, generator=seeded_generator(options.seed, "length")))
+def _lengths_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> list[int]:
+    """Random numbers of frames that suit the sentence."""
+    text, generator = (
+        networks.text.encode([prompt.network_text]),
+        seeded_generator(options.seed, "length"),
+    )
+    return [int(networks.length.sample(text, generator=generator)) for _ in range(LENGTHS)]
 
 
 def objects_of(stood: StandingObject) -> Objects:
@@ -281,9 +278,3 @@ def action_sequence(actions: Actions, meshes: tuple[Mesh, ...], source: str = ""
     parts = slice(len(meshes))
     track = ObjectTrack(meshes, rotation[0, frames, parts], translation[0, frames, parts])
     return Sequence(hands, track, FPS, source)
-
-
-def _fault_note(draws: int, fault: str) -> str:
-    """The note on a fault that even the best sample has."""
-    drawn = f"the best of {draws} drawn motions" if draws > 1 else "the drawn motion"
-    return f"in {drawn} {fault}; another seed or more draws may make a better one"

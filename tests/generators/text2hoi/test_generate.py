@@ -13,12 +13,14 @@ from two_parts import DEEP, HIGH, HINGE, box_with_lid
 import geneoh
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi import generate as module
+from geneoh.generators.text2hoi import missing
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate
 from geneoh.generators.text2hoi.networks.contact import ContactNetwork
 from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.physics.resting import touching_hands
+from geneoh.generators.text2hoi.sampling import sample_actions
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.pipeline.results import Denoised
 
@@ -163,7 +165,9 @@ def test_length_comes_from_the_sentence_where_none_is_asked_for(mug):
 def test_a_direction_of_passing_that_was_not_drawn_is_told(mug, monkeypatch):
     said = "pass it from the left hand to the right hand"
     for passed, told in ((False, 1), (True, 0)):
-        monkeypatch.setattr(module, "passed_by", lambda *_, passed=passed: torch.tensor([passed]))
+        monkeypatch.setattr(
+            missing, "handed_over", lambda *_, passed=passed: torch.tensor([passed])
+        )
         notes = generate(said, mug, PLAIN).prompt.notes
         said_so = "in the best of 8 drawn motions the left hand does not pass the object on"
         assert sum(said_so in note for note in notes) == told
@@ -177,22 +181,39 @@ def test_hands_that_do_not_carry_the_object_are_told(mug, monkeypatch):
 
 
 def test_a_hand_that_does_not_come_to_the_object_is_told(mug, monkeypatch):
-    for left, told in ((False, 1), (True, 0)):
-        touching = torch.tensor([[[False, left], [False, True]]])
-        monkeypatch.setattr(module, "touching_hands", lambda _, touching=touching: touching)
+    for frames, words in ((0, "does not come to"), (8, "hardly touches"), (20, "")):
+        touching = torch.ones(1, 2, 20, dtype=torch.bool)
+        touching[0, 0, frames:] = False
+        monkeypatch.setattr(missing, "touching_hands", lambda _, touching=touching: touching)
+        monkeypatch.setattr(missing, "frames_of_motion", lambda _: torch.ones(20) > 0)
         notes = generate("lift it with both hands", mug, PLAIN).prompt.notes
-        said_so = "in the best of 8 drawn motions the left hand does not come to the object"
-        assert sum(said_so in note for note in notes) == told
-        assert not any("right hand does not" in note for note in notes)
+        said_so = f"in the best of 8 drawn motions the left hand {words} the object"
+        assert sum(said_so in note for note in notes) == bool(words)
+        assert not any("the right hand" in note for note in notes)
+
+
+def test_an_unusual_length_gets_the_motion_of_a_usual_one(mug, monkeypatch):
+    asked = []
+
+    def sampled(*given, **more):
+        asked.append(int(given[4]))
+        return sample_actions(*given, **more)
+
+    monkeypatch.setattr(module, "sample_actions", sampled)
+    for frames in (20, 150, None):
+        made = generate("lift the mug with the left hand", mug, replace(PLAIN, frames=frames))
+        assert frames is None or made.sequence.frames == frames
+    short, long, usual = asked
+    assert 20 < short <= usual <= long < 150
 
 
 @pytest.mark.parametrize(("said", "told"), [("lift it", True), ("press it", False)])
 def test_an_object_that_hardly_moves_is_told_unless_it_is_pressed(mug, monkeypatch, said, told):
     def notes_of(moved):
-        monkeypatch.setattr(module, "moved_by", lambda _: torch.tensor([moved]))
+        monkeypatch.setattr(missing, "moved_by", lambda _: torch.tensor([moved]))
         return generate(said, mug, PLAIN).prompt.notes
 
-    note = "the object hardly moves in these 20 frames; more frames or another seed may"
+    note = "the object hardly moves; another seed may make it move"
     assert any(note in each for each in notes_of(0.005)) is told
     assert not any("hardly moves" in each for each in notes_of(0.02))
 

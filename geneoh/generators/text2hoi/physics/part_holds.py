@@ -33,6 +33,9 @@ from geneoh.synthesis.shapes.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Sca
 from geneoh.synthesis.shapes.solids import SCAN, Solids
 
 GRIP = 4  # frames for which the hand holds the part before and after its motion
+LIFTED = 0.5
+"""Upward share of the way of a part that slides, from which the part is lifted off: nothing but the
+hand holds it then, at the end of the clip, or at its start if it is put back."""
 RISE = 6  # frames over which a hand is lifted out of the table
 FREE, CLEAR = 0.005, 0.001
 """Distance from the first part above which a finger fits behind the second one, or can touch it,
@@ -158,16 +161,24 @@ def _with_hold(
     if SIDES[number] == "left":
         around, ways, out = around.mirrored(), ways.mirrored(), mirror_points(out)
     hand, table = HeldHands.of(seen, number, middle), table_of(seen, number, middle)
-    last = int(actions.length[0]) - 1
-    hold = torch.arange(max(0, int(moves[0]) - GRIP), min(last, int(moves[-1]) + GRIP) + 1)
+    way = float((actions.joint[0, moves[-1]] - actions.joint[0, moves[0]]).sign()) if part else 0.0
+    rises = way * float(joint.axis[2]) if joint.slides else 0.0
+    hold = hold_frames(moves, int(actions.length[0]) - 1, rises)
     first = hold[: GRIP + 1 + len(moves) // BEGIN]
     other = None if before is None else HeldHands.of(seen, before, middle).mirrored_spheres
-    way = float((actions.joint[0, moves[-1]] - actions.joint[0, moves[0]]).sign()) if part else 0.0
     task = PartTask(around, table.take(hold, "B"), out, way, other and at_once(other, some))
     held = _hold(task, hand.take(first, "N"), generator)
     hand = over_table(kept_pose(ways, hand, held, hold, hold, table, other), table, hold)
     kept = hand.into(seen, number, middle)
     return replace(actions, pose=kept.pose, wrist=kept.wrist)
+
+
+def hold_frames(moves: Int[Tensor, " M"], last: int, rises: float) -> Int[Tensor, " N"]:
+    """The frames in which the hand holds a part that moves in `moves`, of a clip with frames 0 to
+    `last`; `rises` is the upward share of the part's way, negative downwards."""
+    start = 0 if rises < -LIFTED else max(0, int(moves[0]) - GRIP)
+    stop = last if rises > LIFTED else min(last, int(moves[-1]) + GRIP)
+    return torch.arange(start, stop + 1)
 
 
 def at_once(hands: OtherHands, frames: Int[Tensor, " N"]) -> OtherHands:

@@ -81,8 +81,8 @@ def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generat
         carrying = touching[number] & moves
         hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
         hand, table = HeldHands.of(actions, number, middle), table_of(actions, number, middle)
-        below = hold[table.depth(*hand.spheres).amax(1)[hold].argmax()]
-        nearest = table.take(below[None], "B")
+        lowest = hold[table.height[hold].argmin()]  # there a kept pose is nearest to the table
+        nearest = table.take(lowest[None], "B")
         held, frame, fits = settled_pose(own, hand, hold, before, nearest)
         frames = hold if bool(carrying.any()) else frame.expand(1)
         if not fits and lifted(actions, carrying):

@@ -49,17 +49,39 @@ def leads(actions: Actions) -> Float[Tensor, " B"]:
     return (time[:, 1] - time[:, 0]).nan_to_num(0.0)
 
 
+def handed_over(actions: Actions, giver: Sequence[Side | None]) -> Bool[Tensor, " B"]:
+    """Whether the requested hand has the object first and the other one alone has it in the end.
+
+    First and end are the first and the last tenth of the frames in which a hand touches the object.
+    True where no hand is requested.
+    """
+    passed = torch.ones(len(giver), dtype=torch.bool)
+    for clip, side in enumerate(giver):
+        if side is None:
+            continue
+        touching = touching_hands(actions.take([clip], "B").to("cpu"))[0]
+        frames = torch.nonzero(touching.any(0))[:, 0]
+        gives, takes = touching.double()[[SIDES.index(side), SIDES.index(OTHER_SIDE[side])]]
+        tenth = max(1, len(frames) // 10)
+        first, end = frames[:tenth], frames[-tenth:]
+        alone = takes[end].mean() > 0.5 and gives[end].mean() < 0.5
+        passed[clip] = bool(len(frames) and gives[first].mean() > 0.5 and alone)
+    return passed
+
+
 def passed_by(actions: Actions, giver: Sequence[Side | None], draws: int = 1) -> Bool[Tensor, " B"]:
     """Whether the requested hand gives the object in each clip; true where none is requested.
 
-    Of `draws` consecutive samples only those pass whose lead is at least half of the largest one:
-    an object that both hands hold at nearly the same time is rejected if there is a clearer sample.
+    Of `draws` consecutive samples those pass in which it is `handed_over`. If there is none, those
+    do whose lead is at least half of the largest one.
     """
+    whole = handed_over(actions, giver).unflatten(0, (-1, draws))
     sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in giver])
     known, lead = sign.nonzero()[:, 0], torch.zeros(len(sign), dtype=torch.float64)
     lead[known] = sign[known] * leads(actions.take(known, "B").to("cpu"))
     lead = lead.unflatten(0, (-1, draws))
     clear = (lead > 0) & (lead >= lead.amax(1, keepdim=True) / 2)
+    clear = torch.where(whole.any(1, keepdim=True), whole, clear)
     return (clear.flatten() | (sign == 0)).to(actions.wrist.device)
 
 

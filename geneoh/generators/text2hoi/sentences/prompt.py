@@ -47,6 +47,11 @@ _ONE: dict[HandsName, re.Pattern[str]] = {
     )
     for hands, side in zip(HANDS, SIDES, strict=False)
 }
+_FINGERS = re.compile(r"\b(?:finger|fingertip)s?\b")
+_DIRECTION = re.compile(
+    r"\b(?:to|towards?) (?:the |my |your )?(?:left|right|front|back)\b(?! (?:\w+ )?hand)"
+    r"|\b(?:for|back)wards?\b"
+)
 _NO_VERB_AFTER = frozenset(
     ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
 )
@@ -101,10 +106,13 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
         verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
     if jointed and verb not in JOINTED:
         verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
+    if verb != "pass" and (way := _DIRECTION.search(" ".join(words))):
+        verb_notes += (f"'{way[0]}' is not followed: the networks choose the direction",)
     hands, hand_notes = asked_hands(made_of, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes, *rate_notes, *amount_notes)
     if stated is not None:
-        instead = "" if length else f", but {frames} are asked for"
+        other = length is None and frames != stated.frames
+        instead = f", but {frames} are asked for" if other else ""
         notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)
     giver = asked_giver(" ".join(words)) if (verb, hands) == ("pass", "both hands") else None
     return Prompt(sentence, hands, verb, known, notes, made_of, length, giver)
@@ -228,6 +236,8 @@ def asked_hands(
     if one:
         return one[0], ()
     model = shipped_model()
+    if _FINGERS.search(text):  # "two fingers" are of one hand
+        return "right hand", ("the sentence names no hand; 'right hand' is taken",)
     read = model.hands[int(model.read(sentence).hands[0].argmax())]
     if read == "left hand" or read == "right hand" or read == "both hands":
         return read, (f"the sentence names no hand plainly; it is read as '{read}'",)

@@ -11,7 +11,13 @@ from geneoh.generators.text2hoi.physics.held_hands import HeldHands, table_of
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
 from geneoh.generators.text2hoi.physics.part_grips import PartTask, unmoved
-from geneoh.generators.text2hoi.physics.part_holds import PartShapes, held_at_parts, over_table
+from geneoh.generators.text2hoi.physics.part_holds import (
+    GRIP,
+    PartShapes,
+    held_at_parts,
+    hold_frames,
+    over_table,
+)
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.joint import Joint
@@ -74,6 +80,20 @@ def test_the_first_part_is_filled_so_that_no_hand_is_shut_in(lidded, shapes):
     pose = Rigid(torch.eye(3)[None, None], torch.zeros(1, 1, 3))
     seen = shapes.seen_from(0, pose, lidded.joint)
     assert seen.signed_distance(torch.zeros(1, 1, 3)) < -0.02
+
+
+@pytest.mark.parametrize(
+    ("rises", "start", "stop"),
+    [
+        (0.0, 20 - GRIP, 30 + GRIP),
+        (1.0, 20 - GRIP, 50),
+        (-1.0, 0, 30 + GRIP),
+        (0.3, 20 - GRIP, 30 + GRIP),
+    ],
+)
+def test_a_part_that_is_lifted_off_is_held_to_the_end_or_from_the_start(rises, start, stop):
+    frames = hold_frames(torch.arange(20, 31), 50, rises)
+    assert frames.tolist() == list(range(start, stop + 1))
 
 
 @pytest.mark.parametrize("part", [0, 1])

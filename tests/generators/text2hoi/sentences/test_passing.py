@@ -7,7 +7,14 @@ import torch
 from made_actions import box_actions, passing
 
 from geneoh.bundle import concatenated
-from geneoh.generators.text2hoi.sentences.passing import asked_giver, givers, leads, passed_by
+from geneoh.generators.text2hoi.sentences.passing import (
+    asked_giver,
+    givers,
+    handed_over,
+    leads,
+    passed_by,
+)
+from geneoh.synthesis.actions.action import Actions
 
 
 @pytest.mark.parametrize(
@@ -54,10 +61,27 @@ def test_clips_fit_that_pass_as_asked_or_as_they_like():
     assert passed_by(clips, ["left", "right", None]).tolist() == [True, False, True]
 
 
-def test_of_draws_those_fit_that_pass_it_as_clearly_as_others_do():
-    faint = passing(0)  # the left hand stays at the object, and leads by 3 frames
+def keeping() -> Actions:
+    """Passing by a left hand that stays at the object, and leads by 3 frames."""
+    faint = passing(0)
     faint.wrist[0, 0, 10:] = faint.wrist[0, 0, :1]
     faint.wrist[0, 1, 6:10] = faint.wrist[0, 1, -1:]
+    return faint
+
+
+def test_an_object_is_handed_over_once_the_other_hand_alone_has_it():
+    clips = concatenated([passing(0), passing(0), passing(1), keeping()], "B")
+    assert handed_over(clips, ["left", "right", "right", "left"]).tolist() == [
+        *(True, False, True),
+        False,
+    ]
+    away = replace(passing(0), wrist=passing(0).wrist + 5.0)
+    assert handed_over(away, ["left"]).tolist() == [False]
+    assert handed_over(away, [None]).tolist() == [True]
+
+
+def test_of_draws_those_fit_that_hand_it_over_or_else_those_that_lead_as_clearly_as_others():
+    faint = keeping()
     drawn = concatenated([passing(0), faint, passing(1)] * 2, "B")
     fits = passed_by(drawn, ["left"] * 3 + ["right"] * 3, draws=3)
     assert fits.tolist() == [True, False, False, False, False, True]

@@ -24,7 +24,8 @@ from geneoh.generators.text2hoi.sentences.prompt import named_verbs, read_prompt
 def test_verb_and_hands_of_plain_sentences(sentence, verb, hands):
     prompt = read_prompt(sentence)
     assert (prompt.verb, prompt.hands, prompt.known) == (verb, hands, True)
-    assert [note for note in prompt.notes if "has no joint" not in note] == []
+    known = ("has no joint", "choose the direction")
+    assert [note for note in prompt.notes if not any(words in note for words in known)] == []
 
 
 @pytest.mark.parametrize(
@@ -223,7 +224,8 @@ def test_two_hands_that_contradict_each_other_are_refused():
 )
 def test_a_hand_that_is_ruled_out_leaves_the_other_one(sentence, hands, told):
     prompt = read_prompt(sentence)
-    assert (prompt.hands, prompt.network_text, prompt.notes) == (hands, told or sentence, ())
+    assert (prompt.hands, prompt.network_text) == (hands, told or sentence)
+    assert [note for note in prompt.notes if "choose the direction" not in note] == []
 
 
 @pytest.mark.parametrize(
@@ -366,3 +368,24 @@ def test_a_verb_that_is_taken_for_a_misspelt_one_is_told():
 @pytest.mark.parametrize("said", ["open the bottle", "cut the bread"])
 def test_a_mesh_that_cannot_open_or_close_is_told(said):
     assert any("has no joint" in note for note in read_prompt(said).notes)
+
+
+@pytest.mark.parametrize("sentence", ["pinch the coin with two fingers", "lift it between fingers"])
+def test_fingers_are_of_one_hand(sentence):
+    prompt = read_prompt(sentence)
+    assert prompt.hands == "right hand"
+    assert "the sentence names no hand; 'right hand' is taken" in prompt.notes
+
+
+@pytest.mark.parametrize(
+    ("sentence", "way"),
+    [
+        ("carry the mug to the left with the right hand", "to the left"),
+        ("slide the sponge forward with the left hand", "forward"),
+        ("pass the mug to the left hand", None),
+        ("carry the mug to the table with the left hand", None),
+    ],
+)
+def test_directions_are_noted(sentence, way):
+    noted = [note for note in read_prompt(sentence).notes if "the direction" in note]
+    assert [note.split("'")[1] for note in noted] == ([] if way is None else [way])
