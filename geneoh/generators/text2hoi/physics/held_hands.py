@@ -31,6 +31,9 @@ RESTING_SPEED = 1e-5  # metres per frame below which an object rests
 METRES_PER_RADIAN = 0.01  # metres of motion that a radian of rotation counts as
 LIFTED = 0.01  # metres off its first height above which an object counts as lifted
 GRASPS_TRIED = 12  # grasps that are synthesised at once
+SIDES_TRIED, AROUND = 3, 0.6
+"""Searches for the grasp of a hand that carries the object with another one, and the spread of
+their directions relative to the side away from the other hand."""
 PAD_TOUCH = 0.003  # distance from the surface below which a pad touches, metres
 FIRM = 0.5
 """Largest share of a push from the worst side that a firm hold leaves unheld (`unheld`)."""
@@ -142,19 +145,45 @@ def new_hold(
     before: OtherHands | None,
     table: Table,
     generator: torch.Generator,
+    *,
+    alone: bool = True,
 ) -> HeldHands | None:
     """The firm grasp that is closest to a sampled hand, synthesised as for the training data.
 
     The search starts on the sampled hand's side of the object and avoids the table and the hand
-    `before`. None if no grasp passes the checks of the training data.
+    `before`. A hand that carries the object with another one, and so not `alone`, also takes a
+    grasp that is not firm by itself, and one on the side away from the other hand. None if no grasp
+    passes the checks of the training data.
     """
-    copies = torch.zeros(GRASPS_TRIED, dtype=torch.long)
-    toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(GRASPS_TRIED, -1)
-    offsets = mean_offsets().expand(GRASPS_TRIED, -1, -1)
+    side = torch.nn.functional.normalize(drawn.wrist, dim=-1)
+    toward = side.expand(GRASPS_TRIED, -1)
+    if before is not None:
+        side = -torch.nn.functional.normalize(before.centers.mean(1), dim=-1)
+    for _ in range(1 if alone else SIDES_TRIED):
+        found, kept, firm = _grasps(solids, toward, before, table, generator)
+        good = firm if alone or bool(firm.any()) else kept
+        if bool(good.any()):
+            away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
+            nearest = away.masked_fill(~good, torch.inf).argmin()
+            return found.take(nearest[None], "N")
+        around = side + AROUND * torch.randn(GRASPS_TRIED, 3, generator=generator)
+        toward = torch.nn.functional.normalize(around, dim=-1)
+    return None
+
+
+def _grasps(
+    solids: Solids,
+    toward: Float[Tensor, "N 3"],
+    before: OtherHands | None,
+    table: Table,
+    generator: torch.Generator,
+) -> tuple[HeldHands, Bool[Tensor, " N"], Bool[Tensor, " N"]]:
+    """New grasps from some directions, which of them pass the checks, and which are firm, too."""
+    copies = torch.zeros(len(toward), dtype=torch.long)
     solids = solids.take(copies, "B")
     grasps = synthesize_grasps(
         solids,
-        offsets,
+        mean_offsets().expand(len(toward), -1, -1),
         GRASPS,
         generator=generator,
         toward=toward,
@@ -162,9 +191,4 @@ def new_hold(
         other=None if before is None else before.take(copies, "B"),
     )
     found = HeldHands(grasps.pose, grasps.wrist)
-    firm = grasps.kept & (Holding.of(solids, found).loose < FIRM)
-    if not bool(firm.any()):
-        return None
-    away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
-    nearest = away.masked_fill(~firm, torch.inf).argmin()
-    return found.take(nearest[None], "N")
+    return found, grasps.kept, grasps.kept & (Holding.of(solids, found).loose < FIRM)

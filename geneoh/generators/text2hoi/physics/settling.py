@@ -86,7 +86,9 @@ def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generat
         held, frame, fits = settled_pose(own, hand, hold, before, nearest)
         frames = hold if bool(carrying.any()) else frame.expand(1)
         if not fits and lifted(actions, carrying):
-            held = new_hold(own, hand.take(frame[None], "N"), before, nearest, generator) or held
+            alone = not bool((touching[1 - number] & carrying).any())
+            one = hand.take(frame[None], "N")
+            held = new_hold(own, one, before, nearest, generator, alone=alone) or held
         hand = kept_pose(own, hand, held, frames, hold, table, other_way)
         actions = hand.into(actions, number, middle)
         before, other_way = held.mirrored_spheres, hand.mirrored_spheres

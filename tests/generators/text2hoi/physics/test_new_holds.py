@@ -8,7 +8,7 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
-from geneoh.generators.text2hoi.physics import settling
+from geneoh.generators.text2hoi.physics import held_hands, settling
 from geneoh.generators.text2hoi.physics.held_hands import FIRM, HeldHands, Holding, lifted, new_hold
 from geneoh.generators.text2hoi.physics.settling import settled, solid_of
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
@@ -74,6 +74,25 @@ def test_an_object_that_no_hand_can_hold_gets_no_new_hold(ball, stuck):
     mesh = from_trimesh(trimesh.creation.icosphere(3, 0.9))
     solids = solid_of(replace(ball, mesh=mesh))[0]
     assert new_hold(solids, stuck, None, TABLE, seeded()) is None
+
+
+def test_of_two_hands_one_may_hold_loosely_and_away_from_the_other(
+    solids, stuck, found, monkeypatch
+):
+    other, asked = found.mirrored_spheres, []
+
+    def loose(solids, toward, before, table, generator):
+        asked.append(toward.mean(0))
+        each = found.take(torch.zeros(len(toward), dtype=torch.long), "N")
+        kept = torch.full((len(toward),), len(asked) > 1)
+        return each, kept, torch.zeros_like(kept)
+
+    monkeypatch.setattr(held_hands, "_grasps", loose)
+    assert new_hold(solids, stuck, other, TABLE, seeded()) is None
+    asked.clear()
+    taken = new_hold(solids, stuck, other, TABLE, seeded(), alone=False)
+    assert torch.equal(taken.wrist, found.wrist)
+    assert asked[1] @ other.centers[0].mean(0) < 0
 
 
 def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball, grid, monkeypatch):
