@@ -40,6 +40,8 @@ RIGID = [0, 1, *KNUCKLES]
 """Keypoints that move rigidly with the palm: wrist, thumb base and the four knuckles."""
 LEAST_TRUST = 1e-3
 """Lower bound of the weight of palm keypoints: an orientation exists even if all trust is zero."""
+NOISE_FACTOR = 3.0
+"""How much looser keypoints are fitted than their noise, so that the pose prior counts."""
 IMPOSSIBLE = 0.75
 """A joint this far beyond its limits, in radians, has a pose that no hand can reach."""
 
@@ -167,11 +169,17 @@ def fit_keypoints(
     shaped: ShapedHand,
     start: HandState | None = None,
     *,
+    noise: float = 0.0,
     iterations: int = KEYPOINTS_ALONE.iterations,
 ) -> HandState:
-    """Hand parameters of an uncleaned track; `start` is initialised from the keypoints if None."""
+    """Hand parameters of an uncleaned track; `start` is initialised from the keypoints if None.
+
+    `noise` is the standard deviation of the keypoints' coordinates, metres: a hand that follows
+    noisy keypoints closely bends and twists as no hand does.
+    """
     start = start or start_from_keypoints(target, shaped, trust)
-    config = replace(KEYPOINTS_ALONE, iterations=iterations)
+    std = max(KEYPOINTS_ALONE.joint_std, NOISE_FACTOR * noise)
+    config = replace(KEYPOINTS_ALONE, iterations=iterations, joint_std=std)
     return fit_hand(target, trust, shaped, start, config=config)
 
 

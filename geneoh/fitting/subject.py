@@ -1,5 +1,6 @@
 """The hand track that the stages work on: hand shape, keypoints and initial pose parameters."""
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -36,7 +37,15 @@ class Subject(Bundle):
         """Pose parameters of the input, one sample; fitted to the keypoints if it has none."""
         if self.start is not None:
             return self.start
-        return fit_keypoints(self.joints[None], self.fit_trust[None], self.shaped)
+        given = self.joints[None], self.fit_trust[None]
+        return fit_keypoints(*given, self.shaped, noise=self.keypoint_noise)
+
+    @property
+    def keypoint_noise(self) -> float:
+        """Standard deviation of independent noise of the keypoints' coordinates, metres, by how
+        much the lengths of bones vary."""
+        _, of_length = measured_lengths(self.joints, self.trust)
+        return float(of_length.nanmedian().nan_to_num(0.0)) / math.sqrt(2)
 
     @property
     def fit_trust(self) -> Float[Tensor, "T 21"]:

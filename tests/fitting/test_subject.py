@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import pytest
 import torch
 
 from geneoh.fitting.subject import subject_of
@@ -178,3 +179,12 @@ def test_a_gap_in_keypoints_alone_holds_the_hand_that_is_around_it():
     given = subject_of(track, MODEL).parameters()
     made = subject_of(track, MODEL).shaped.joints_from_rotations(given.rotations, given.wrist)[0]
     assert (made - joints).norm(dim=-1).max() < 5e-3
+
+
+def test_noise_of_keypoints_is_that_of_their_bones():
+    given = track_of(torch.zeros(10), frames=60)
+    for std in (0.0, 0.004):
+        noise = std * torch.randn(60, 21, 3, generator=torch.Generator().manual_seed(2))
+        alone = HandTrack("right", given.valid, joints=given.joints + noise)
+        found = subject_of(alone, MODEL).keypoint_noise
+        assert found == pytest.approx(std, rel=0.2, abs=1e-6)

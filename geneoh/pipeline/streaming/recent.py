@@ -44,8 +44,7 @@ HOP = 7
 """Most frames between two runs of the stages. The last frames of a run have less context after them
 than the lag."""
 FIRST_SHARE = 0.7
-"""Weight of the newer window in the blended target of the first new frame; it grows to 1 over `HOP`
-frames."""
+"""Weight of the newer window in the target of the first new frame; it grows to 1 over `HOP`."""
 HELD, HOLD = 2, 30.0
 """Number of already returned frames in the fit, and their weight relative to new frames."""
 AHEAD = 2  # frames after the requested ones that the fit includes
@@ -217,8 +216,9 @@ class RecentHand:
             known = max(before.wrist.shape[1] - HELD, 0)
         new = slice(known, None)
         unknown = joints[:, new], trust[:, new], subject.shaped, start[new]
-        found = concatenated([start[:known], fit_keypoints(*unknown, iterations=FIT_STEPS)])
-        observed = int(track.observed.nonzero()[-1]) + 1  # later, filled frames may change
+        fitted = fit_keypoints(*unknown, noise=subject.keypoint_noise, iterations=FIT_STEPS)
+        found = concatenated([start[:known], fitted])
+        observed = int(track.observed.nonzero()[-1]) + 1  # later ones may change
         self._given = first, found[: min(observed, settled)]
         return found
 
