@@ -30,12 +30,12 @@ def undisturbed() -> Iterator[None]:
         if not torch.empty(0).is_cpu:  # only then, as a device mode slows every call
             modes.enter_context(torch.device("cpu"))
         modes.enter_context(np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"))
-        modes.enter_context(_default_float32())
+        modes.enter_context(default_float32())
         yield
 
 
 @contextmanager
-def _default_float32() -> Iterator[None]:
+def default_float32() -> Iterator[None]:
     """Set the default dtype of all threads; the last of several computations sets it back."""
     global _running, _theirs
     with _lock:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 import geneoh
 from geneoh.evaluation.options import ProtocolOptions
-from geneoh.modes import undisturbed
+from geneoh.modes import default_float32
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 OBJ = EXAMPLES / "taco_object.obj"
@@ -121,7 +121,7 @@ def test_no_call_heeds_the_modes_of_its_caller_or_draws_its_random_numbers(
 
 
 def test_the_last_of_several_computations_sets_the_default_dtype_back():
-    first, second = undisturbed(), undisturbed()
+    first, second = default_float32(), default_float32()
     with another_default_dtype():
         first.__enter__()
         second.__enter__()

@@ -148,7 +148,7 @@ def test_other_settings_are_refused_with_what_differs(clips, clean, tmp_path):
     before = results(tmp_path / "out")
     with pytest.raises(ConfigError, match=r"options\.seed 0 where 3 is asked for"):
         clean(clips, options=Options(seed=3))
-    with pytest.raises(ConfigError, match=r"reading\.fps None where 60\.0 is asked for"):
+    with pytest.raises(ConfigError, match=r"reading\.fps none where 60\.0 is asked for"):
         clean(clips, reading={"fps": 60.0})
     assert results(tmp_path / "out") == before
     assert clean(clips).before == 4

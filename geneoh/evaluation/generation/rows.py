@@ -1,5 +1,6 @@
 """The rows of the table besides real clips: nearest training clips, and generated ones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,7 +17,7 @@ from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, joined
-from geneoh.generators.text2hoi.physics.resting import eased, finished
+from geneoh.generators.text2hoi.physics.resting import eased, finished, kept_on_table
 from geneoh.generators.text2hoi.physics.settling import settled
 from geneoh.generators.text2hoi.physics.standing import StandingObject
 from geneoh.generators.text2hoi.sampling import sample_actions
@@ -28,7 +29,7 @@ from geneoh.geometry.reconstruction import mesh_of_points
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions.action import VERBS, Actions
+from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.draws import Draws
 from geneoh.workers.pool import results_of
 
@@ -134,19 +135,24 @@ STILL_JOINT = 0.3  # range of a joint's states below which it counts as still, r
 
 
 def refined(
-    actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
+    actions: Actions,
+    verbs: Sequence[str],
+    *,
+    seed: int,
+    jobs: int = 1,
+    on_step: OnStep | None = None,
 ) -> Actions:
     """Refine clips after the paper's refiner as `geneoh generate --refine geneoh` does.
 
-    Object meshes are reconstructed from their points. An object whose joint is still becomes one
-    rigid mesh, as in `geneoh generate`. `jobs` processes share the clips, each with one thread;
-    results do not depend on their number.
+    `verbs` are those of the clips. Object meshes are reconstructed from their points. An object
+    whose joint is still becomes one rigid mesh, as in `geneoh generate`. `jobs` processes share the
+    clips, each with one thread; results do not depend on their number.
 
     Raises:
         GeneOHError: the workers of a clip died, for example because memory ran out.
     """
     count, made = len(actions.verb), {}
-    clips = ((n, actions.take(slice(n, n + 1), "B")) for n in range(count))
+    clips = ((n, actions.take(slice(n, n + 1), "B"), verbs[n]) for n in range(count))
     refine = partial(refined_with_number, seed=seed)
     for number, clip in results_of(clips, refine, jobs=jobs, lost=_lost):
         made[number] = clip
@@ -155,22 +161,22 @@ def refined(
     return concatenated([made[number] for number in range(count)], "B")
 
 
-def refined_with_number(numbered: tuple[int, Actions], seed: int) -> tuple[int, Actions]:
+def refined_with_number(numbered: tuple[int, Actions, str], seed: int) -> tuple[int, Actions]:
     """Refine a clip and return it with its number, because processes finish in any order."""
-    number, clip = numbered
-    return number, refined_clip(clip, seed)
+    number, clip, verb = numbered
+    return number, refined_clip(clip, verb, seed)
 
 
-def _lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
+def _lost(numbered: tuple[int, Actions, str], why: str) -> tuple[int, Actions]:
     """`GeneOHError` for a clip whose workers died, which ends the evaluation."""
     raise GeneOHError(f"clip {numbered[0]} of those that are refined: {why}")
 
 
-def refined_clip(clip: Actions, seed: int) -> Actions:
+def refined_clip(clip: Actions, verb: str, seed: int) -> Actions:
     """Refine a batch of one clip; a still joint gets its mean state in every frame."""
     if not joint_rests(clip):
-        return refined_parts(clip, seed)
-    found = refined_parts(as_one_part(clip), seed)
+        return refined_parts(clip, verb, seed)
+    found = refined_parts(as_one_part(clip), verb, seed)
     return replace(
         clip,
         pose=found.pose,
@@ -181,10 +187,10 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
     )
 
 
-def refined_parts(clip: Actions, seed: int) -> Actions:
+def refined_parts(clip: Actions, verb: str, seed: int) -> Actions:
     """Refine a batch of one clip: settle the hands, clean them, and bring both ends to rest."""
     meshes = part_meshes(clip)
-    clip = held(clip, meshes, torch.Generator().manual_seed(seed))
+    clip = held(clip, meshes, verb, torch.Generator().manual_seed(seed))
     sequence = action_sequence(clip, meshes)
     clean = clean_interaction(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()
@@ -196,9 +202,9 @@ def refined_parts(clip: Actions, seed: int) -> Actions:
     return eased(replace(clip, pose=pose, wrist=wrist).ended())
 
 
-def held(clip: Actions, meshes: tuple[Mesh, ...], generator: torch.Generator) -> Actions:
+def held(clip: Actions, meshes: tuple[Mesh, ...], verb: str, generator: torch.Generator) -> Actions:
     """A batch of one clip whose hands hold the object, or the part that they open or close."""
-    verb = VERBS[int(clip.verb)]
+    clip = kept_on_table(clip, verb)
     if verb not in JOINTED and len(meshes) == 2:
         return finished(clip)
     still = torch.eye(3), torch.zeros(3)

@@ -202,7 +202,9 @@ def network_rows(
         return drawn_and_refined(made[contact], refiner if refine else None)
 
     def mended(on_step: OnStep | None) -> Actions:
-        return refined(make(None, refine=True), seed=options.seed, jobs=jobs, on_step=on_step)
+        drawn = make(None, refine=True)
+        verbs = [real.verb_words[verb] for verb in drawn.verb.tolist()]
+        return refined(drawn, verbs, seed=options.seed, jobs=jobs, on_step=on_step)
 
     rows: dict[str, Row] = {
         "text2hoi, no contact map": lambda on_step: finished(make(on_step, contact=False)),

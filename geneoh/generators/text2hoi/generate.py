@@ -25,7 +25,12 @@ from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
-from geneoh.generators.text2hoi.physics.resting import eased_time, finished, retimed
+from geneoh.generators.text2hoi.physics.resting import (
+    eased_time,
+    finished,
+    kept_on_table,
+    retimed,
+)
 from geneoh.generators.text2hoi.physics.settling import settled
 from geneoh.generators.text2hoi.physics.standing import StandingObject, stand_on_table
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions
@@ -163,6 +168,7 @@ def generate(
         notes = (*notes, *faults)
     else:
         settle = partial(settled, stood=stood, generator=hold)
+        actions = kept_on_table(actions, prompt.verb)
         actions = finished(actions, settle if settles else None)
     notes = (*notes, *missing_notes(actions, prompt, options.draws))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))

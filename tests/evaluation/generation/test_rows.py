@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
@@ -19,7 +20,6 @@ from geneoh.generators.text2hoi.networks.library import load_text2hoi
 from geneoh.generators.text2hoi.physics.jointed import JointedObject
 from geneoh.generators.text2hoi.physics.resting import eased, finished
 from geneoh.streamed import Streamed
-from geneoh.synthesis.actions.action import VERBS
 
 
 def test_nearest_training_clip_has_the_verb_and_hands_and_the_nearest_object():
@@ -92,9 +92,9 @@ def test_an_object_whose_joint_stands_still_is_one_mesh_in_that_state(monkeypatc
     assert not joint_rests(actions)
     assert joint_rests(still)
     asked = []
-    monkeypatch.setattr(rows, "refined_parts", lambda clip, seed: asked.append(clip) or clip)
-    assert refined_clip(actions, 0) is actions
-    found = refined_clip(still, 0)
+    monkeypatch.setattr(rows, "refined_parts", lambda clip, verb, seed: asked.append(clip) or clip)
+    assert refined_clip(actions, "open", 0) is actions
+    found = refined_clip(still, "open", 0)
     assert len(part_meshes(asked[0])) == 2
     assert len(part_meshes(asked[1])) == 1
     torch.testing.assert_close(asked[1].points, still.posed_points()[:, 0])
@@ -108,7 +108,6 @@ def test_hands_that_open_or_close_are_brought_to_the_part_as_generate_does(
 ):
     """Before, they went through the cleaner alone, and stayed centimetres deep in the lid."""
     actions = box_actions(["open"], frames=8, length=6, points=1024, jointed=True)
-    actions = replace(actions, verb=torch.tensor([VERBS.index(verb)]))
     asked: list[tuple[JointedObject, torch.Generator]] = []
 
     def finished(jointed, clip, generator):
@@ -116,7 +115,7 @@ def test_hands_that_open_or_close_are_brought_to_the_part_as_generate_does(
         return clip, ()
 
     monkeypatch.setattr(JointedObject, "finished", finished)
-    found = rows.held(actions, part_meshes(actions), torch.Generator())
+    found = rows.held(actions, part_meshes(actions), verb, torch.Generator())
     assert found.joint.shape == actions.joint.shape
     assert [jointed.closes for jointed, _ in asked] == ([] if closes is None else [closes])
     for jointed, _ in asked:
@@ -126,11 +125,12 @@ def test_hands_that_open_or_close_are_brought_to_the_part_as_generate_does(
 
 def test_refined_clips_keep_their_order_whichever_is_ready_first(monkeypatch):
     actions = box_actions(["press", "inspect"], frames=6, points=64)
-    told: list[tuple[int, int]] = []
-    monkeypatch.setattr(rows, "refined_clip", lambda clip, seed: clip)
+    told: list[Any] = []
+    monkeypatch.setattr(rows, "refined_clip", lambda clip, verb, seed: told.append(verb) or clip)
     monkeypatch.setattr(rows, "results_of", lambda work, do, **_: reversed([*map(do, work)]))
-    found = refined(actions, seed=0, on_step=lambda *at: told.append(at))
-    assert told == [(1, 2), (2, 2)]
+    verbs = ["poke", "inspect"]  # of recordings, too
+    found = refined(actions, verbs, seed=0, on_step=lambda *at: told.append(at))
+    assert told == [*verbs, (1, 2), (2, 2)]
     assert torch.equal(found.verb, actions.verb)
 
 
@@ -139,7 +139,7 @@ def test_a_worker_process_refines_a_clip_to_the_bits_of_this_one():
     actions = box_actions(["press"], frames=6, points=256)
     away = 0.2 * actions.hands[:, :, None, None]  # so that only the cleaner has work to do
     actions = replace(actions, wrist=actions.wrist + away)
-    there, here = (refined(actions, seed=0, jobs=jobs) for jobs in (2, 1))
+    there, here = (refined(actions, ["press"], seed=0, jobs=jobs) for jobs in (2, 1))
     for name, value in vars(here).items():
         assert torch.equal(getattr(there, name), value), name
 
@@ -149,7 +149,7 @@ def test_refined_hands_are_less_deep_and_the_object_moves_as_before_but_from_res
     actions = box_actions(["lift"], frames=16, length=12, points=1024)
     shift = torch.tensor([0.07, 0.0, 0.0])
     actions = replace(actions, wrist=actions.wrist + shift * actions.hands[:, :, None, None])
-    found = refined(actions, seed=0)
+    found = refined(actions, ["lift"], seed=0)
     assert measure_clip(found).depth_mm < 0.8 * measure_clip(actions).depth_mm
     assert torch.equal(found.translation, eased(finished(actions)).translation)
     assert torch.equal(found.wrist[:, 1, 11], found.wrist[:, 1, 15]), "the last frame is repeated"

@@ -14,6 +14,7 @@ from geneoh.synthesis.motions.schedule import minimum_jerk
 UPRIGHT_TURN = 0.5
 """Tilt from upright below which an object counts as standing, radians."""
 EASE = 12  # frames at either end of a clip over which its time is slowed
+FLAT_VERBS = ("slide", "rotate", "press")  # what is done to an object that stays on the table
 ON_TABLE = 0.04
 """Height over the table below which an object counts as standing on it, metres."""
 
@@ -42,6 +43,19 @@ def finished(actions: Actions, settle: Callable[[Actions], Actions] | None = Non
     if settle is not None:
         actions = settle(actions)
     return moved_by_hands(eased(actions))
+
+
+def kept_on_table(actions: Actions, verb: str) -> Actions:
+    """The same actions, with objects that stay flat on the table where they slide or rotate, and at
+    rest where they are pressed; hands keep their pose relative to the object."""
+    if verb not in FLAT_VERBS:
+        return actions
+    frames = slice(1) if verb == "press" else slice(None)
+    rotation = _upright(actions.rotation[:, frames]).expand_as(actions.rotation)
+    ground = actions.translation[:, frames] * actions.translation.new_tensor([1.0, 1.0, 0.0])
+    return with_object_motion(
+        actions, rotation, ground.expand_as(actions.translation), actions.joint
+    )
 
 
 def eased(actions: Actions) -> Actions:
@@ -138,8 +152,7 @@ def _standing(
     rotation: Float[Tensor, "B 3 3"], translation: Float[Tensor, "B 3"], held: Bool[Tensor, " B"]
 ) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
     """The closest pose on the table for a pose that is nearly there or not held; else unchanged."""
-    yaw = torch.atan2(rotation[:, 1, 0] - rotation[:, 0, 1], rotation[:, 0, 0] + rotation[:, 1, 1])
-    upright = axis_angle_to_matrix(yaw[:, None] * torch.eye(3)[2].to(rotation))
+    upright = _upright(rotation)
     tilt = matrix_to_axis_angle(rotation @ upright.mT).norm(dim=-1)
     stands = ~held | ((tilt < UPRIGHT_TURN) & (translation[:, 2] < ON_TABLE))
     ground = translation * translation.new_tensor([1.0, 1.0, 0.0])
@@ -147,6 +160,12 @@ def _standing(
         torch.where(stands[:, None, None], upright, rotation),
         torch.where(stands[:, None], ground, translation),
     )
+
+
+def _upright(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 3 3"]:
+    """The closest rotations about the vertical."""
+    turned = rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
+    return axis_angle_to_matrix(torch.atan2(*turned)[..., None] * torch.eye(3)[2].to(rotation))
 
 
 def with_object_motion(

@@ -1,14 +1,17 @@
 from dataclasses import replace
 
+import pytest
 import torch
 from made_actions import box_actions
 
 from geneoh.generators.text2hoi.physics.resting import (
     eased,
     finished,
+    kept_on_table,
     moved_by_hands,
     retimed,
     touching_hands,
+    with_object_motion,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
@@ -51,6 +54,27 @@ def test_hands_that_are_mended_on_the_way_rest_at_the_ends():
     steps = finished(held_box(), settle).wrist[:, 1].diff(dim=1).norm(dim=-1)
     assert steps[:, 12].min() > 0.0019
     assert steps[:, [0, -1]].max() < 0.3 * steps[:, 12].min()
+
+
+@pytest.mark.parametrize("verb", ["slide", "rotate", "press", "lift"])
+def test_objects_stay_on_the_table_where_their_verb_says_so(verb):
+    actions = held_box()
+    frames = torch.arange(actions.rotation.shape[1]) / actions.rotation.shape[1]
+    turns = axis_angle_to_matrix(frames[:, None] * torch.tensor([0.2, 0.0, 1.0]))
+    tilt = turns.expand_as(actions.rotation)
+    lifted = actions.translation + frames[:, None] * torch.tensor([0.1, 0.0, 0.02])
+    moving = with_object_motion(actions, tilt, lifted, actions.joint)
+    found = kept_on_table(moving, verb)
+    if verb == "lift":
+        assert found is moving
+        return
+    assert (found.translation[..., 2] == 0).all()
+    assert torch.allclose(found.rotation[..., 2, 2], torch.ones(()))
+    moves = bool((found.translation.diff(dim=1).abs() > 1e-6).any())
+    assert moves is (verb != "press")
+    for each in (moving, found):  # the hand goes with it
+        own = each.rotation.mT @ (each.wrist[:, 1] - each.translation)[..., None]
+        torch.testing.assert_close(own, own[:, :1].expand_as(own), atol=1e-5, rtol=0)
 
 
 def test_what_no_hand_touches_rests():
