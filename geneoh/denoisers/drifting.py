@@ -20,7 +20,7 @@ OWN, OWN_FRAMES = 0.002, 60.0
 time, frames."""
 QUICK, QUICK_FRAMES = 0.003, 2.0
 """Standard deviation and correlation time of quick real sliding, which is not removed."""
-CORRELATION_FRAMES = 10.0
+ERROR_FRAMES = 10.0
 """Correlation time of the drift, frames."""
 SIZES = (0.0, 0.003, 0.006, 0.01)
 """Candidate standard deviations per axis of the drift of the whole hand, metres."""
@@ -50,7 +50,7 @@ def drift(
     some = slice(None, None, FITTED_EVERY)
     place, turn, sure = (x[:, some].double() for x in (held.place, held.rotation, held.sure))
     apart = (frames[:, None] - frames[some]).abs()
-    alike = torch.exp(-apart / CORRELATION_FRAMES)
+    alike = torch.exp(-apart / ERROR_FRAMES)
     own = OWN**2 * torch.exp(-apart[some] / OWN_FRAMES)
     own = own + QUICK**2 * torch.exp(-apart[some] / QUICK_FRAMES)
     usual = torch.where(sure[..., None] > 0.5, place, torch.nan).nanmedian(1, keepdim=True).values

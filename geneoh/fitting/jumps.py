@@ -20,14 +20,14 @@ from geneoh.hand.model import ShapedHand
 LARGEST_BEND = 0.014
 """Second difference over frames, metres, of a keypoint's distance from its target at which the fit
 counts as jumping: real hands seldom accelerate so much."""
-MOST = 0.25
+MOST_JUMPS = 0.25
 """Share of frames with jumps above which a hand stays as it is: it moves wildly all the time."""
-AROUND = 4
+JUMP_REACH = 4
 """Frames on either side of a jump that change."""
-MEDIAN, WIDTH, EDGE = 7, 1.5, 1.0
+MEDIAN_FRAMES, CALM_FRAMES, EDGE_FRAMES = 7, 1.5, 1.0
 """Frames of the median, and standard deviations in frames of the Gaussians over the distances and
 over the share of each frame that changes."""
-STEPS = 3
+REFIT_STEPS = 3  # of the fit to the calm keypoints
 
 
 def without_jumps(
@@ -44,16 +44,16 @@ def without_jumps(
     away = state.joints(shaped) - target
     bend = away.diff(n=2, dim=1).norm(dim=-1).amax(-1)[0]
     jumps = torch.nn.functional.pad(bend > LARGEST_BEND, (1, 1)).cpu().numpy()
-    if not 0 < jumps.mean() <= MOST:
+    if not 0 < jumps.mean() <= MOST_JUMPS:
         return state
-    near = maximum_filter1d(jumps.astype(float), 2 * AROUND + 1, mode="nearest")
-    share = gaussian_filter1d(near, EDGE, mode="nearest")
+    near = maximum_filter1d(jumps.astype(float), 2 * JUMP_REACH + 1, mode="nearest")
+    share = gaussian_filter1d(near, EDGE_FRAMES, mode="nearest")
     given = away[0].cpu().numpy()
-    median = median_filter(given, size=(MEDIAN, 1, 1), mode="nearest")
-    calm = torch.from_numpy(gaussian_filter1d(median, WIDTH, axis=0, mode="nearest")).to(away)
+    median = median_filter(given, size=(MEDIAN_FRAMES, 1, 1), mode="nearest")
+    calm = torch.from_numpy(gaussian_filter1d(median, CALM_FRAMES, axis=0, mode="nearest")).to(away)
     changed = torch.from_numpy(share).to(away)[:, None, None]
     aim = target + torch.lerp(away, calm[None], changed)
-    alone = replace(config, contact_rounds=0, iterations=STEPS)
+    alone = replace(config, contact_rounds=0, iterations=REFIT_STEPS)
     moved = fit_hand(aim, torch.ones_like(aim[..., 0]), shaped, state, config=alone)
     there = changed > 0
     return HandState(

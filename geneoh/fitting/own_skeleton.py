@@ -20,7 +20,7 @@ from geneoh.hand.skeleton import (
     trust_of_bones,
 )
 
-STEADY = 0.1
+UNSTEADY = 0.1
 """Standard deviation of a bone's measured length, as a share of it, from which it is not taken."""
 CORRELATION_FRAMES = 10.0  # of tracker errors: so many frames count as one sample
 
@@ -38,7 +38,7 @@ class OwnSkeleton:
         """The skeleton with bones of `measured_lengths`, as far as these are the same in all
         frames: where the fitted hand bends in another way, mean residuals shorten bones."""
         order = [keypoint - 1 for keypoint in MANO_FROM_OPENPOSE[1:]]
-        share = (1 - (noise / (STEADY * lengths)).square()).clamp(min=0).nan_to_num(0.0)[order]
+        share = (1 - (noise / (UNSTEADY * lengths)).square()).clamp(min=0).nan_to_num(0.0)[order]
         longer = lengths.nan_to_num(0.0)[order] / self.offsets.norm(dim=-1) - 1
         return replace(self, offsets=self.offsets * (1 + share * longer)[:, None])
 

@@ -187,11 +187,7 @@ def mesh_from(given: Any, unit: Unit) -> Mesh:
     if isinstance(given, Path | str):
         return load_mesh(given, unit)
     if isinstance(given, ForeignMesh):
-        verts, faces = (
-            torch.from_numpy(np.array(part, dtype=kind))
-            for part, kind in ((given.vertices, np.float64), (given.faces, np.int64))
-        )
-        return tidied(checked_mesh(Mesh(verts, faces), "the mesh"))
+        return tidied(checked_mesh(Mesh(given.vertices, given.faces), "the mesh"))
     raise InputError(
         f"a mesh must be a geneoh.Mesh or the path of its file, got {type(given).__name__}; "
         "geneoh.Mesh(vertices, faces) makes one of arrays"

@@ -34,7 +34,7 @@ ACCELERATION_FRAMES = 4.0
 """Standard deviation of the Gaussian that averages accelerations around a frame."""
 FADE_FRAMES = 3.0  # standard deviation of the filter that smooths reliability over time
 SHIFT_FRAMES = 30.0  # standard deviation of the Gaussian that averages the shift of the hand
-CORRELATION_FRAMES = 15.0  # correlation time of the noise of poses
+POSE_NOISE_FRAMES = 15.0  # correlation time of the noise of poses
 NEAR, AWAY = 0.05, 0.09
 """Least distance over all frames between keypoints and surface, metres: up to the first bound the
 hand interacts with the object, from the second on it does not. Keypoints lie 10 mm inside the
@@ -271,7 +271,7 @@ def blended(
     around = partial(gaussian_filter1d, sigma=wide, axis=0, mode="constant")
     mean = around(relied[:, None] * shift) / around(relied).clip(1e-9)[:, None]
     # reliability e means noise of variance (1 / e - 1) TOLERATED^2, see `evidence_of_poses`
-    frames = (2 * math.pi) ** 0.5 * wide / (CORRELATION_FRAMES * fps / 30)
+    frames = (2 * math.pi) ** 0.5 * wide / (POSE_NOISE_FRAMES * fps / 30)
     precision = frames * around(relied / (1 - relied).clip(1e-3))
     signal = (mean**2).sum(1) * precision / TOLERATED**2
     more = (signal / (1 + signal) - relied).clip(0)

@@ -23,7 +23,7 @@ from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import DEFAULT_LOOK, Look
-from geneoh.viz.outputs import check_scene_outputs, lacking, write
+from geneoh.viz.outputs import USED_BY, check_scene_outputs, lacking, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
@@ -90,10 +90,9 @@ def view(
     if mano_dir is not None:
         refuse_without_mano(mano_dir)
     look = Look(colouring=colouring, up=up or "z", frames=chosen, cell=cell)
-    asked = {"frames": chosen, "cell": cell, "colouring": colouring, "up": up or DEFAULT_LOOK.up}
-    for name, value in asked.items():
+    for name in USED_BY:
         words = lacking(name, [Path(path or "page.html")])
-        if words and value != getattr(DEFAULT_LOOK, name):
+        if words and getattr(look, name) != getattr(DEFAULT_LOOK, name):
             raise ConfigError(f"geneoh.view: '{name}' needs {words}; leave it out")
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if obj and not any(isinstance(given, Path | str) for given in (result, before)):

@@ -53,7 +53,7 @@ def test_a_hand_without_a_jump_stays_as_it_is(shaped, make_state):
         rotations=state.rotations.expand(1, 9, -1, -1, -1),
         wrist=state.wrist.expand(1, 9, -1),
     )
-    target = state.joints(shaped) + 0.3 * LARGEST_BEND * torch.rand(1, 9, 21, 3)
+    target = state.joints(shaped) + 0.2 * LARGEST_BEND * torch.rand(1, 9, 21, 3)
     assert without_jumps(state, target, shaped, FitConfig()) is state
     wild = replace(state, wrist=state.wrist + 0.03 * torch.arange(9)[:, None].remainder(2))
     assert without_jumps(wild, target, shaped, FitConfig()) is wild

@@ -1,6 +1,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import torch
@@ -47,6 +48,10 @@ def drawn(
 
 def in_units(noise: Noise, values: torch.Tensor) -> torch.Tensor:
     return values / SIZES[noise].scale(torch.ones(51))
+
+
+def test_every_kind_of_noise_is_listed_once():
+    assert set(NOISES) == set(get_args(Noise)) == {*SIZES, "camera"}
 
 
 @pytest.mark.parametrize("noise", NOISES)

@@ -229,10 +229,8 @@ def _cleaned(
 
 def _lengths_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOptions) -> list[int]:
     """Random numbers of frames that suit the sentence."""
-    text, generator = (
-        networks.text.encode([prompt.network_text]),
-        seeded_generator(options.seed, "length"),
-    )
+    text = networks.text.encode([prompt.network_text])
+    generator = seeded_generator(options.seed, "length")
     return [int(networks.length.sample(text, generator=generator)) for _ in range(LENGTHS)]
 
 

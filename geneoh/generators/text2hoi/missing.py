@@ -10,7 +10,7 @@ from geneoh.generators.text2hoi.sentences.passing import handed_over
 from geneoh.generators.text2hoi.sentences.prompt import JOINTED, Prompt
 from geneoh.synthesis.actions.action import Actions
 
-STILL = 0.01
+HARDLY_MOVED = 0.01
 """How far an object moves at most that is told to rest, metres."""
 IDLE = 0.5
 """Share of the object's moving frames in which each of two hands should touch it."""
@@ -19,7 +19,7 @@ IDLE = 0.5
 def missing_notes(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ...]:
     """Notes on what the sentence asks for and the finished first action lacks."""
     found = []
-    if prompt.verb != "press" and moved_by(actions)[0] < STILL:
+    if prompt.verb != "press" and moved_by(actions)[0] < HARDLY_MOVED:
         found.append("the object hardly moves; another seed may make it move")
     touching, moves = touching_hands(actions)[0], frames_of_motion(actions)
     alone = not bool(moves.any()) or prompt.verb in ("pass", *JOINTED)  # one hand may do most of it
@@ -29,7 +29,7 @@ def missing_notes(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ..
             found.append(fault_note(draws, f"the {SIDES[number]} hand does not come to the object"))
         elif not alone and not bool(held[number]):
             found.append(fault_note(draws, f"the {SIDES[number]} hand hardly touches the object"))
-    if not handed_over(actions, [prompt.giver]).all():
+    if prompt.giver is not None and not handed_over(touching, prompt.giver):
         found.append(fault_note(draws, f"the {prompt.giver} hand does not pass the object on"))
     return tuple(found)
 

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import numbered
+from geneoh.fitting.shape import NORMAL_SPREAD
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.sequence.sequence import HandTrack
 
@@ -46,7 +47,7 @@ def strays(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> Bo
     # the scale of a hand varies with the depth that an estimator assumes
     size = (length / usual).nanmedian(1, keepdim=True).values
     error = (length - size * usual).abs()
-    broken = error > (DEVIATIONS * 1.4826 * error.nanmedian(0).values).clamp(min=LEAST_ERROR)
+    broken = error > (DEVIATIONS * NORMAL_SPREAD * error.nanmedian(0).values).clamp(min=LEAST_ERROR)
     found, here = torch.zeros_like(trusted), (~error.isnan()).to(joints)
     mean = (error.nan_to_num() @ ends) / (here @ ends).clamp(min=1)
     for _ in range(MOST_STRAY + 1):

@@ -49,7 +49,7 @@ HELD, HOLD = 2, 30.0
 """Number of already returned frames in the fit, and their weight relative to new frames."""
 AHEAD = 2  # frames after the requested ones that the fit includes
 SETTLED = WINDOW  # observed frames after which the hand shape is fixed
-FIT_STEPS = 8  # of the fit to keypoints alone, which goes on in the next frames
+KEYPOINT_STEPS = 8  # of the fit to keypoints alone, which goes on in the next frames
 
 
 class RecentHand:
@@ -216,7 +216,7 @@ class RecentHand:
             known = max(before.wrist.shape[1] - HELD, 0)
         new = slice(known, None)
         unknown = joints[:, new], trust[:, new], subject.shaped, start[new]
-        fitted = fit_keypoints(*unknown, noise=subject.keypoint_noise, iterations=FIT_STEPS)
+        fitted = fit_keypoints(*unknown, noise=subject.keypoint_noise, iterations=KEYPOINT_STEPS)
         found = concatenated([start[:known], fitted])
         observed = int(track.observed.nonzero()[-1]) + 1  # later ones may change
         self._given = first, found[: min(observed, settled)]

@@ -1,7 +1,6 @@
 """Sequences to and from npz files: several layouts are read, geneoh's own is written."""
 
 import logging
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +28,7 @@ from geneoh.readers.npz.meshes import (
     HASHES,
     IN_NO_FILE,
     find_meshes,
+    folder_of,
     mesh_arrays,
     notes_on_meshes,
 )
@@ -122,11 +122,7 @@ def load(
     record = with_callers(record, "obj_pose", poses and poses.matrices)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     about_mesh = () if meshes is None else notes_on_meshes(record, meshes)
-    meshes, missing = (
-        (meshes, "")
-        if meshes is not None
-        else find_meshes(record, Path(os.path.realpath(path)).parent)
-    )
+    meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, folder_of(path))
     # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
@@ -248,7 +244,7 @@ def save_sequence(
     """
     path = Path(path)
     check_tracks(sequence)
-    meshes = mesh_arrays(sequence.object.meshes, Path(os.path.realpath(path)).parent)
+    meshes = mesh_arrays(sequence.object.meshes, folder_of(path))
     arrays = sequence_arrays(sequence) | meshes
     if taken := arrays.keys() & (extra or {}).keys():
         raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")

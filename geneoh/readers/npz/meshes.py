@@ -17,6 +17,11 @@ IN_NO_FILE = "the object's mesh was made in memory, and no file is known that ho
 """Note on a sequence with hashes but no paths of its meshes."""
 
 
+def folder_of(path: Path) -> Path:
+    """The folder that a file lies in, behind links: paths of meshes are relative to it."""
+    return Path(os.path.realpath(path)).parent
+
+
 def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
     """SHA-256 hashes of meshes, and their paths relative to a folder if every mesh has a file."""
     if not meshes:

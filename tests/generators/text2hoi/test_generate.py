@@ -165,9 +165,7 @@ def test_length_comes_from_the_sentence_where_none_is_asked_for(mug):
 def test_a_direction_of_passing_that_was_not_drawn_is_told(mug, monkeypatch):
     said = "pass it from the left hand to the right hand"
     for passed, told in ((False, 1), (True, 0)):
-        monkeypatch.setattr(
-            missing, "handed_over", lambda *_, passed=passed: torch.tensor([passed])
-        )
+        monkeypatch.setattr(missing, "handed_over", lambda *_, passed=passed: passed)
         notes = generate(said, mug, PLAIN).prompt.notes
         said_so = "in the best of 8 drawn motions the left hand does not pass the object on"
         assert sum(said_so in note for note in notes) == told

@@ -57,7 +57,7 @@ def test_ways_that_lead_through_the_object_are_drawn_again():
         return measure_clips(acted(config, points=512)).deepest_mm
 
     once, often = deepest(1), deepest(8)
-    assert once.max() > 12
+    assert (once > 12).sum() > 2
     assert (often < 12).all()
 
 

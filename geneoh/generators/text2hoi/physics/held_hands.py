@@ -31,7 +31,7 @@ RESTING_SPEED = 1e-5  # metres per frame below which an object rests
 METRES_PER_RADIAN = 0.01  # metres of motion that a radian of rotation counts as
 LIFTED = 0.01  # metres off its first height above which an object counts as lifted
 GRASPS_TRIED = 12  # grasps that are synthesised at once
-SIDES_TRIED, AROUND = 3, 0.6
+SIDES_TRIED, SIDE_SPREAD = 3, 0.6
 """Searches for the grasp of a hand that carries the object with another one, and the spread of
 their directions relative to the side away from the other hand."""
 PAD_TOUCH = 0.003  # distance from the surface below which a pad touches, metres
@@ -166,7 +166,7 @@ def new_hold(
             away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
             nearest = away.masked_fill(~good, torch.inf).argmin()
             return found.take(nearest[None], "N")
-        around = side + AROUND * torch.randn(GRASPS_TRIED, 3, generator=generator)
+        around = side + SIDE_SPREAD * torch.randn(GRASPS_TRIED, 3, generator=generator)
         toward = torch.nn.functional.normalize(around, dim=-1)
     return None
 

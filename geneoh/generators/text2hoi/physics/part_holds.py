@@ -33,7 +33,7 @@ from geneoh.synthesis.shapes.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Sca
 from geneoh.synthesis.shapes.solids import SCAN, Solids
 
 GRIP = 4  # frames for which the hand holds the part before and after its motion
-LIFTED = 0.5
+LIFTED_OFF = 0.5
 """Upward share of the way of a part that slides, from which the part is lifted off: nothing but the
 hand holds it then, at the end of the clip, or at its start if it is put back."""
 RISE = 6  # frames over which a hand is lifted out of the table
@@ -176,8 +176,8 @@ def _with_hold(
 def hold_frames(moves: Int[Tensor, " M"], last: int, rises: float) -> Int[Tensor, " N"]:
     """The frames in which the hand holds a part that moves in `moves`, of a clip with frames 0 to
     `last`; `rises` is the upward share of the part's way, negative downwards."""
-    start = 0 if rises < -LIFTED else max(0, int(moves[0]) - GRIP)
-    stop = last if rises > LIFTED else min(last, int(moves[-1]) + GRIP)
+    start = 0 if rises < -LIFTED_OFF else max(0, int(moves[0]) - GRIP)
+    stop = last if rises > LIFTED_OFF else min(last, int(moves[-1]) + GRIP)
     return torch.arange(start, stop + 1)
 
 

@@ -37,7 +37,8 @@ _RATE = re.compile(
 )
 _AMOUNT = re.compile(
     rf"\b(?:by )?{_ABOUT}(?!an? )(?:{_NUMBER})(?: |-)?"
-    r"(?:[mck]?m|(?:milli|centi|kilo)?met(?:er|re)s?|inch(?:es)?|feet|deg(?:ree)?s?|\u00b0|rad(?:ian)?s?|times|rounds|turns)(?!\w)"
+    r"(?:[mck]?m|(?:milli|centi|kilo)?met(?:er|re)s?|inch(?:es)?|feet"
+    r"|deg(?:ree)?s?|\u00b0|rad(?:ian)?s?|times|rounds|turns)(?!\w)"
     r"|\b(?:twice|thrice)\b",
     re.IGNORECASE,
 )

@@ -43,30 +43,29 @@ def leads(actions: Actions) -> Float[Tensor, " B"]:
     The time of a hand is the mean over the frames in which it touches the object. The result is 0
     if a hand never does.
     """
-    touching = touching_hands(actions).double()
+    return _leads(touching_hands(actions))
+
+
+def _leads(touching: Bool[Tensor, "B 2 T"]) -> Float[Tensor, " B"]:
+    """See `leads`."""
+    touching = touching.double()
     frames = torch.arange(touching.shape[2], dtype=torch.float64)
     time = (touching * frames).sum(2) / touching.sum(2)
     return (time[:, 1] - time[:, 0]).nan_to_num(0.0)
 
 
-def handed_over(actions: Actions, giver: Sequence[Side | None]) -> Bool[Tensor, " B"]:
-    """Whether the requested hand has the object first and the other one alone has it in the end.
+def handed_over(touching: Bool[Tensor, "2 T"], giver: Side) -> bool:
+    """Whether one hand has the object first and the other one alone has it in the end, by the
+    frames in which each hand touches it.
 
-    First and end are the first and the last tenth of the frames in which a hand touches the object.
-    True where no hand is requested.
+    First and end are the first and the last tenth of the frames in which a hand touches it.
     """
-    passed = torch.ones(len(giver), dtype=torch.bool)
-    for clip, side in enumerate(giver):
-        if side is None:
-            continue
-        touching = touching_hands(actions.take([clip], "B").to("cpu"))[0]
-        frames = torch.nonzero(touching.any(0))[:, 0]
-        gives, takes = touching.double()[[SIDES.index(side), SIDES.index(OTHER_SIDE[side])]]
-        tenth = max(1, len(frames) // 10)
-        first, end = frames[:tenth], frames[-tenth:]
-        alone = takes[end].mean() > 0.5 and gives[end].mean() < 0.5
-        passed[clip] = bool(len(frames) and gives[first].mean() > 0.5 and alone)
-    return passed
+    frames = torch.nonzero(touching.any(0))[:, 0]
+    gives, takes = touching.double()[[SIDES.index(giver), SIDES.index(OTHER_SIDE[giver])]]
+    tenth = max(1, len(frames) // 10)
+    first, end = frames[:tenth], frames[-tenth:]
+    alone = takes[end].mean() > 0.5 and gives[end].mean() < 0.5
+    return bool(len(frames) and gives[first].mean() > 0.5 and alone)
 
 
 def passed_by(actions: Actions, giver: Sequence[Side | None], draws: int = 1) -> Bool[Tensor, " B"]:
@@ -75,14 +74,22 @@ def passed_by(actions: Actions, giver: Sequence[Side | None], draws: int = 1) ->
     Of `draws` consecutive samples those pass in which it is `handed_over`. If there is none, those
     do whose lead is at least half of the largest one.
     """
-    whole = handed_over(actions, giver).unflatten(0, (-1, draws))
-    sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in giver])
-    known, lead = sign.nonzero()[:, 0], torch.zeros(len(sign), dtype=torch.float64)
-    lead[known] = sign[known] * leads(actions.take(known, "B").to("cpu"))
-    lead = lead.unflatten(0, (-1, draws))
+    asked: list[tuple[int, Side]] = [
+        (clip, side) for clip, side in enumerate(giver) if side is not None
+    ]
+    known = torch.tensor([clip for clip, _ in asked], dtype=torch.long)
+    touching = touching_hands(actions.take(known, "B").to("cpu"))
+    sign = torch.tensor([1.0 - 2 * SIDES.index(side) for _, side in asked])
+    lead, whole = torch.zeros(len(giver), dtype=torch.float64), torch.ones(len(giver)) > 0
+    lead[known] = sign * _leads(touching)
+    hands = zip(touching, asked, strict=True)
+    whole[known] = torch.tensor(
+        [handed_over(each, side) for each, (_, side) in hands], dtype=torch.bool
+    )
+    lead, whole = (each.unflatten(0, (-1, draws)) for each in (lead, whole))
     clear = (lead > 0) & (lead >= lead.amax(1, keepdim=True) / 2)
-    clear = torch.where(whole.any(1, keepdim=True), whole, clear)
-    return (clear.flatten() | (sign == 0)).to(actions.wrist.device)
+    passed = torch.where(whole.any(1, keepdim=True), whole, clear).flatten()
+    return passed.to(actions.wrist.device)
 
 
 def _side(found: re.Match[str]) -> Side:

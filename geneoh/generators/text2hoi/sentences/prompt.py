@@ -235,13 +235,11 @@ def asked_hands(
         raise refused(sentence, f"one choice of hands, found {both}")
     if one:
         return one[0], ()
-    model = shipped_model()
-    if _FINGERS.search(text):  # "two fingers" are of one hand
-        return "right hand", ("the sentence names no hand; 'right hand' is taken",)
-    read = model.hands[int(model.read(sentence).hands[0].argmax())]
+    model, fingers = shipped_model(), _FINGERS.search(text)  # "two fingers" are of one hand
+    read = "" if fingers else model.hands[int(model.read(sentence).hands[0].argmax())]
     if read == "left hand" or read == "right hand" or read == "both hands":
         return read, (f"the sentence names no hand plainly; it is read as '{read}'",)
-    hands: HandsName = "both hands" if verb == "pass" else "right hand"
+    hands: HandsName = "both hands" if verb == "pass" and not fingers else "right hand"
     return hands, (f"the sentence names no hand; '{hands}' is taken",)
 
 

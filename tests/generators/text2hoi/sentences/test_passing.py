@@ -7,6 +7,8 @@ import torch
 from made_actions import box_actions, passing
 
 from geneoh.bundle import concatenated
+from geneoh.choices import Side
+from geneoh.generators.text2hoi.physics.resting import touching_hands
 from geneoh.generators.text2hoi.sentences.passing import (
     asked_giver,
     givers,
@@ -71,13 +73,12 @@ def keeping() -> Actions:
 
 def test_an_object_is_handed_over_once_the_other_hand_alone_has_it():
     clips = concatenated([passing(0), passing(0), passing(1), keeping()], "B")
-    assert handed_over(clips, ["left", "right", "right", "left"]).tolist() == [
-        *(True, False, True),
-        False,
-    ]
+    asked: tuple[Side, ...] = ("left", "right", "right", "left")
+    hands = zip(touching_hands(clips), asked, strict=True)
+    assert [handed_over(each, side) for each, side in hands] == [True, False, True, False]
     away = replace(passing(0), wrist=passing(0).wrist + 5.0)
-    assert handed_over(away, ["left"]).tolist() == [False]
-    assert handed_over(away, [None]).tolist() == [True]
+    assert not handed_over(touching_hands(away)[0], "left")
+    assert passed_by(away, [None]).tolist() == [True]
 
 
 def test_of_draws_those_fit_that_hand_it_over_or_else_those_that_lead_as_clearly_as_others():
