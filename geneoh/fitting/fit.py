@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from math import isfinite
 from typing import TypeVar
 
 import torch
@@ -18,7 +19,9 @@ from geneoh.fitting.terms import (
     Equations,
     HandState,
     Planes,
+    finger_term,
     keypoint_term,
+    moving_keypoints,
     pose_term,
     steadiness,
     surface_term,
@@ -148,8 +151,11 @@ def _fit_frames(
         met = [planes(state, shaped, config) for planes in obstacles] if around else []
 
         def equations(at: HandState, met: list[Planes] = met) -> Equations:
-            found = keypoint_term(at, shaped, target, weight)
+            keypoints = moving_keypoints(at, shaped)
+            found = keypoint_term(keypoints, target, weight)
             found = found + pose_term(at, shaped.model, config.prior, config.limit)
+            if isfinite(config.finger_std):
+                found = found + finger_term(keypoints, shaped, 1 / config.finger_std)
             for planes in met:
                 found = found + surface_term(at, shaped, planes)
             return found

@@ -1,5 +1,6 @@
 """Settings of the fit of hand parameters."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -29,6 +30,8 @@ class FitConfig:
     depth_std: float = 0.0015
     """Standard deviation of the penetration depth, metres. It is not smaller because flesh is soft,
     and recorded hands penetrate by millimetres."""
+    finger_std: float = 0.002
+    """Standard deviation of the overlap of two fingers of the hand, metres; infinity ignores it."""
     apart_std: float = 0.0005
     """Standard deviation of half the penetration depth in the other hand, metres: each hand
     corrects one half."""
@@ -40,5 +43,7 @@ class FitConfig:
     """Vertices per frame that have surface terms: those of least signed distance."""
 
 
-KEYPOINTS_ALONE = FitConfig(iterations=24, by_frame=True, steady_finger=0.2, steady_wrist=0.0)
+KEYPOINTS_ALONE = FitConfig(
+    iterations=24, by_frame=True, steady_finger=0.2, steady_wrist=0.0, finger_std=math.inf
+)
 """Settings that fit an uncleaned track closely, jitter included."""

@@ -14,7 +14,20 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
+from geneoh.hand.skeleton import (
+    MANO_FROM_OPENPOSE,
+    OPENPOSE_FROM_MANO,
+    PARENTS,
+    TIP_PARENTS,
+    forward_kinematics,
+)
+from geneoh.hand.spheres import (
+    PAIRS_OF_FINGERS,
+    finger_clearance,
+    hand_scale,
+    hand_spheres,
+    sphere_centers,
+)
 
 UNKNOWNS = 51
 
@@ -83,34 +96,69 @@ def _below() -> Float[Tensor, "16 16"]:
 BELOW = _below()
 MOVES_KEYPOINT = torch.cat(
     [BELOW.T - torch.eye(16, dtype=torch.float32), BELOW.T[list(TIP_PARENTS)]]
-).nonzero()
-"""Pairs (m, j): turning joint j moves entry m of the 16 joints followed by the 5 tips."""
+)[list(OPENPOSE_FROM_MANO)].nonzero()
+"""Pairs (k, j): turning joint j moves keypoint k."""
+MOST_OVERLAPS = 12
+"""Pairs of spheres of different fingers that are pushed apart in a frame, the deepest ones."""
 
 
-def keypoint_term(
-    state: HandState,
-    shaped: ShapedHand,
-    target: Float[Tensor, "S T 21 3"],
-    weight: Float[Tensor, "S T 21"],
-) -> Equations:
-    """Squared distance to target keypoints; `weight` is 1 / standard deviation, 1/m."""
+@dataclass(frozen=True)
+class MovingKeypoints:
+    """The keypoints of a hand and their derivatives by the unknowns."""
+
+    points: Float[Tensor, "S T 21 3"]
+    slope: Float[Tensor, "S T 21 3 51"]
+
+
+def moving_keypoints(state: HandState, shaped: ShapedHand) -> MovingKeypoints:
+    """The keypoints of a hand in this state, with their derivatives."""
     joints, turn, centers = _kinematics(state, shaped)
-    mano = joints[..., list(MANO_FROM_OPENPOSE), :]
-    moved, by = MOVES_KEYPOINT.to(mano.device).unbind(1)
-    arm = mano[..., moved, :] - centers[..., by, :]
+    moved, by = MOVES_KEYPOINT.to(joints.device).unbind(1)
+    arm = joints[..., moved, :] - centers[..., by, :]
     axes = turn[..., by, :, :].mT  # row c: the world direction of the joint's local axis c
-    columns = mano.new_zeros(*mano.shape[:-1], 16, 3, 3)  # (S, T, 21, joint, axis, xyz)
+    columns = joints.new_zeros(*joints.shape[:-1], 16, 3, 3)  # (S, T, 21, joint, axis, xyz)
     columns[..., moved, by, :, :] = torch.linalg.cross(
         axes, arm[..., None, :].expand_as(axes), dim=-1
     )
     rotate = columns.permute(0, 1, 2, 5, 3, 4).flatten(-2)  # (S, T, 21, xyz, 16 * 3)
     eye = torch.eye(3).to(arm).expand(*rotate.shape[:-1], 3)
-    jacobian = torch.cat([rotate, eye], dim=-1)
-    order = list(MANO_FROM_OPENPOSE)
-    scale = weight[..., order, None]
-    residual = (mano - target[..., order, :]) * scale
-    jacobian = jacobian * scale[..., None]
+    return MovingKeypoints(joints, torch.cat([rotate, eye], dim=-1))
+
+
+def keypoint_term(
+    keypoints: MovingKeypoints,
+    target: Float[Tensor, "S T 21 3"],
+    weight: Float[Tensor, "S T 21"],
+) -> Equations:
+    """Squared distance to target keypoints; `weight` is 1 / standard deviation, 1/m."""
+    residual = (keypoints.points - target) * weight[..., None]
+    jacobian = keypoints.slope * weight[..., None, None]
     return _normal_equations(residual.flatten(-2), jacobian.flatten(-3, -2))
+
+
+def finger_term(keypoints: MovingKeypoints, shaped: ShapedHand, weight: float) -> Equations:
+    """Overlap of spheres of different fingers (see `geneoh.hand.spheres`), metres, times `weight`,
+    1/m: the `MOST_OVERLAPS` deepest ones of each frame."""
+    joints = keypoints.points
+    gap = finger_clearance(*hand_spheres(joints, hand_scale(shaped.offsets)))
+    gap, index = gap.topk(MOST_OVERLAPS, dim=-1, largest=False)
+    weights = BETWEEN_FINGERS.to(joints)[index]  # each difference of centres, by the keypoints
+    apart = torch.nn.functional.normalize(weights @ joints, dim=-1)
+    overlapping = (gap < 0).to(gap) * weight
+    along = weights[..., None] * apart[..., None, :] * overlapping[..., None, None]
+    rows = along.flatten(-2) @ keypoints.slope.flatten(-3, -2)
+    return _normal_equations(gap * overlapping, rows)
+
+
+def _between_fingers() -> Float[Tensor, "C 21"]:
+    """For each pair of spheres of different fingers, how far each keypoint moves the first sphere,
+    less how far it moves the second one."""
+    centers = sphere_centers(torch.eye(21, dtype=torch.float32))
+    first, second = PAIRS_OF_FINGERS
+    return centers[first] - centers[second]
+
+
+BETWEEN_FINGERS = _between_fingers()
 
 
 def _kinematics(

@@ -1,5 +1,6 @@
 """Hands after the fit: remove penetration between two hands, then measure each hand."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +68,7 @@ class FittedHand:
         free = state
         trust = torch.ones_like(self.target[..., 0])
         if self.surface is not None and self.preset.contact:  # contact would bias the skeleton
-            config = replace(fit, contact_rounds=0)
+            config = replace(fit, contact_rounds=0, finger_std=math.inf)
             free = fit_hand(self.target, trust, shaped, state, config=config)
         own = own_skeleton(free, self.target[0], trust[0], shaped)
         return self.subject.with_own_lengths(own).posed(state)[0]

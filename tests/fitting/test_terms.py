@@ -5,16 +5,20 @@ import torch
 from torch import Tensor
 
 from geneoh.fitting.terms import (
+    MOST_OVERLAPS,
     UNKNOWNS,
     Equations,
     HandState,
     Planes,
+    finger_term,
     keypoint_term,
+    moving_keypoints,
     pose_term,
     steadiness,
     surface_term,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.spheres import finger_clearance, hand_scale, hand_spheres
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -67,7 +71,7 @@ def test_keypoints_pull_by_the_gradient_of_their_squared_distance(state, plain):
         off = plain.joints_from_rotations(at.rotations, at.wrist) - target
         return (weight * off.norm(dim=-1)).square().sum(-1)
 
-    found = keypoint_term(state, plain, target, weight)
+    found = keypoint_term(moving_keypoints(state, plain), target, weight)
     torch.testing.assert_close(found.energy, energy(state))
     torch.testing.assert_close(found.gradient, half_slope(energy, state))
 
@@ -94,6 +98,33 @@ def test_planes_see_the_vertices_with_their_pose_correctives(state, plain, plane
     assert float(surface_term(state, plain, replace(planes, closest=at)).energy.min()) > 0.1
 
 
+@pytest.fixture(scope="module")
+def crossed(state) -> HandState:
+    """Hands whose index and middle finger are turned into each other."""
+    pose = state.pose.clone()
+    pose[..., 1:, :] = 0
+    pose[..., 1, 1], pose[..., 4, 1] = 0.35, -0.3
+    return exact(replace(state, rotations=axis_angle_to_matrix(pose)))
+
+
+def test_fingers_in_each_other_are_pushed_by_the_gradient_of_their_overlap(crossed, plain):
+    def deepest(at: HandState) -> Tensor:
+        spheres = hand_spheres(at.joints(plain), hand_scale(plain.offsets))
+        return (-finger_clearance(*spheres)).clamp(min=0).topk(MOST_OVERLAPS).values
+
+    assert float(deepest(crossed).amax(-1).min()) > 0.003
+    found = finger_term(moving_keypoints(crossed, plain), plain, 500.0)
+    torch.testing.assert_close(found.energy, (500 * deepest(crossed)).square().sum(-1))
+    slope = half_slope(lambda at: (500 * deepest(at)).square().sum(-1), crossed)
+    # the places of the spheres along the bones are those of float32
+    torch.testing.assert_close(found.gradient, slope, rtol=1e-5, atol=1e-4)
+
+
+def test_fingers_that_are_apart_are_not_pushed(state, plain):
+    flat = replace(state, rotations=torch.eye(3, dtype=torch.float64).expand(2, 3, 16, 3, 3))
+    assert not bool(finger_term(moving_keypoints(flat, plain), plain, 500.0).energy.any())
+
+
 def test_matrices_are_those_of_gauss_and_newton(state, plain, planes):
     """Where all residuals are zero, the gradient grows along any increment by matrix times it."""
     joints = plain.joints_from_rotations(state.rotations, state.wrist)
@@ -101,7 +132,7 @@ def test_matrices_are_those_of_gauss_and_newton(state, plain, planes):
     on = replace(planes, closest=verts.gather(-2, planes.verts[..., None].expand(2, 3, 6, 3)))
     weight = 300 * normal(2, 3, 21, seed=3).abs()
     terms = (
-        lambda at: keypoint_term(at, plain, joints, weight),
+        lambda at: keypoint_term(moving_keypoints(at, plain), joints, weight),
         lambda at: surface_term(at, plain, on),
     )
     step = 1e-6 * normal(2, 3, UNKNOWNS, seed=5)
@@ -194,8 +225,8 @@ def test_an_increment_turns_joints_in_their_own_frame_and_shifts_the_wrist(make_
 def test_terms_add(state, plain):
     joints = plain.joints_from_rotations(state.rotations, state.wrist)
     weight = torch.ones(2, 3, 21, dtype=torch.float64)
-    one = keypoint_term(state, plain, joints + 0.01, weight)
-    two = keypoint_term(state, plain, joints + 0.01, 2 * weight)
+    one = keypoint_term(moving_keypoints(state, plain), joints + 0.01, weight)
+    two = keypoint_term(moving_keypoints(state, plain), joints + 0.01, 2 * weight)
     for field in fields(Equations):
         added = getattr(one + two, field.name)
         torch.testing.assert_close(added, 5 * getattr(one, field.name))

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from geneoh.generators.text2hoi.physics.resting import moved_by_hands
 from geneoh.geometry.oriented_points import signed_to_points
+from geneoh.hand.spheres import hand_spheres
 from geneoh.synthesis.actions.action import Actions
-from geneoh.synthesis.grasping.contact_pads import hand_spheres
 
 COMPARED_AT = 0.1
 """Distance of the points at which objects are compared from their origin, on each axis, metres."""

@@ -10,12 +10,13 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.spheres import hand_spheres
 from geneoh.synthesis.actions.action import LONGEST, VERBS, Actions
 from geneoh.synthesis.actions.setups import ActionSetup, SetupConfig, draw_setups, draw_verb
 from geneoh.synthesis.actions.verbs import Moves, VerbConfig, moves_of
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.bimanual import HandPairs
-from geneoh.synthesis.grasping.contact_pads import OtherHands, hand_spheres
+from geneoh.synthesis.grasping.contact_pads import OtherHands
 from geneoh.synthesis.grasping.grasps import Grasps
 from geneoh.synthesis.motions.clearance import ClearanceConfig, MovingSolids, clear_ways
 from geneoh.synthesis.motions.hand_motion import (

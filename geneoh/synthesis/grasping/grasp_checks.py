@@ -9,12 +9,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.forces import friction_cones, wrench_left
-from geneoh.synthesis.grasping.contact_pads import (
-    PAD_DIGITS,
-    contact_pads,
-    finger_clearance,
-    hand_spheres,
-)
+from geneoh.hand.spheres import finger_clearance, hand_spheres
+from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, contact_pads
 from geneoh.synthesis.grasping.grasp_energy import GraspAttempt, Hands
 from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES, of_type
 from geneoh.synthesis.grasping.pose_prior import beyond_range

@@ -15,15 +15,8 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.grasping.contact_pads import (
-    PAD_DIGITS,
-    OtherHands,
-    Table,
-    contact_pads,
-    finger_clearance,
-    hand_scale,
-    hand_spheres,
-)
+from geneoh.hand.spheres import finger_clearance, hand_scale, hand_spheres
+from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, OtherHands, Table, contact_pads
 from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasping.pose_prior import FINGER_STD, beyond_range
 from geneoh.synthesis.shapes.solids import Solids

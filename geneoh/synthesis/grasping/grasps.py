@@ -15,16 +15,10 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.hand.spheres import hand_scale, hand_spheres
 from geneoh.nn.adam import adam
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasping.contact_pads import (
-    PAD_DIGITS,
-    OtherHands,
-    Table,
-    contact_pads,
-    hand_scale,
-    hand_spheres,
-)
+from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, OtherHands, Table, contact_pads
 from geneoh.synthesis.grasping.grasp_checks import GraspChecks, passes
 from geneoh.synthesis.grasping.grasp_energy import GraspAttempt, GraspEnergy, Hands, grasp_energy
 from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES, of_type

@@ -11,7 +11,7 @@ from geneoh.bundle import Bundle
 from geneoh.config import Limited
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.grasping.contact_pads import hand_scale, hand_spheres
+from geneoh.hand.spheres import hand_scale, hand_spheres
 from geneoh.synthesis.motions.hand_motion import HandPath
 from geneoh.synthesis.shapes.solids import PARTS, Solids
 

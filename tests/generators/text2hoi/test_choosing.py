@@ -19,7 +19,7 @@ from geneoh.generators.text2hoi.choosing import (
     moved_by,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.grasping.contact_pads import hand_spheres
+from geneoh.hand.spheres import hand_spheres
 
 FRAMES = 30
 ASIDE = torch.tensor([-1.0, 0.0, 0.0])  # where the fingers of the resting hand point

@@ -10,8 +10,9 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics
+from geneoh.hand.spheres import BONE_RADIUS, hand_scale
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasping.contact_pads import BONE_RADIUS, contact_pads, hand_scale
+from geneoh.synthesis.grasping.contact_pads import contact_pads
 from geneoh.synthesis.grasping.grasp_checks import GraspChecks
 from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasping.grasps import (

@@ -15,14 +15,9 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import mean_hand
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.hand.spheres import hand_scale, hand_spheres
 from geneoh.synthesis.actions.action import Actions
-from geneoh.synthesis.grasping.contact_pads import (
-    OtherHands,
-    Table,
-    contact_pads,
-    hand_scale,
-    hand_spheres,
-)
+from geneoh.synthesis.grasping.contact_pads import OtherHands, Table, contact_pads
 from geneoh.synthesis.grasping.grasp_checks import unheld
 from geneoh.synthesis.grasping.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids

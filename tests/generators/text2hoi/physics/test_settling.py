@@ -16,7 +16,8 @@ from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.synthesis.grasping.contact_pads import OtherHands, hand_spheres
+from geneoh.hand.spheres import hand_spheres
+from geneoh.synthesis.grasping.contact_pads import OtherHands
 from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
 
 RADIUS, HEIGHT = 0.03, 0.16
