@@ -14,6 +14,9 @@ BONE_RADIUS = torch.tensor(
     + [0.014, 0.01, 0.009, 0.0085, 0.014, 0.009, 0.008, 0.0075]
 )
 MEAN_SPAN = 0.18  # bone lengths from wrist to middle fingertip of that adult hand, metres
+WRIST_RADIUS = 0.022  # of two spheres that fill the wrist of that hand, metres
+WRIST_SPHERES = torch.tensor([[0.008, 0.0, 0.008], [0.008, 0.0, -0.008]])
+# their centres relative to the wrist joint, in the frame of a right hand at rest (fingers -x)
 FIRM = 0.85  # share of the radii at which fingers that press against each other are apart
 
 
@@ -28,6 +31,19 @@ def hand_spheres(
     """Centres and radii of the spheres that fill the hand, bone by bone."""
     radii = BONE_RADIUS.to(joints.device)[:, None].expand(-1, SPHERES_PER_BONE)
     return sphere_centers(joints), radii.reshape(-1) * scale
+
+
+def hand_and_wrist_spheres(
+    joints: Float[Tensor, "*B 21 3"],
+    turns: Float[Tensor, "*B 16 3 3"],
+    scale: Float[Tensor, "*B 1"],
+) -> tuple[Float[Tensor, "*B K 3"], Float[Tensor, "*B K"]]:
+    """Those of `hand_spheres`, then two that fill the wrist; `turns` are the global rotations of
+    the joints of a right hand."""
+    centers, radii = hand_spheres(joints, scale)
+    apart = scale[..., None] * WRIST_SPHERES.to(joints) @ turns[..., 0, :, :].mT
+    radii = torch.cat([radii, WRIST_RADIUS * scale.expand(*scale.shape[:-1], 2)], -1)
+    return torch.cat([centers, joints[..., :1, :] + apart], -2), radii
 
 
 def sphere_centers(points: Float[Tensor, "*B 21 D"]) -> Float[Tensor, "*B K D"]:

@@ -56,7 +56,7 @@ def passes(
     joints, turns = hands.posed(attempt)
     centers, radii = hand_spheres(joints, attempt.scale)
     deep = (radii - solids.signed_distance(centers)).amax(-1)
-    for other in attempt.depths_beside_object(centers, radii):
+    for other in attempt.depths_beside_object(joints, turns):
         deep = torch.maximum(deep, other.amax(-1))
     kept = (
         (deep < checks.depth)

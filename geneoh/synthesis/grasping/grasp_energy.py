@@ -15,7 +15,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.hand.spheres import finger_clearance, hand_scale, hand_spheres
+from geneoh.hand.spheres import finger_clearance, hand_and_wrist_spheres, hand_scale, hand_spheres
 from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, OtherHands, Table, contact_pads
 from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasping.pose_prior import FINGER_STD, beyond_range
@@ -61,11 +61,12 @@ class GraspAttempt(Bundle):
         return hand_scale(self.offsets)
 
     def depths_beside_object(
-        self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "B K"]
+        self, joints: Float[Tensor, "B 21 3"], turns: Float[Tensor, "B 16 3 3"]
     ) -> list[Float[Tensor, "B K"]]:
-        """Penetration depth of spheres in the table and in other hands, as far as they exist,
-        metres; negative outside.
+        """Penetration depth of the spheres of hands and wrists in the table and in other hands, as
+        far as they exist, metres; negative outside.
         """
+        centers, radii = hand_and_wrist_spheres(joints, turns, self.scale)
         depths = [] if self.table is None else [self.table.depth(centers, radii) - SOFT]
         return depths if self.other is None else [*depths, self.other.depth(centers, radii)]
 
@@ -100,8 +101,9 @@ def grasp_energy(
     # the same distance, whose gradient is the normal: one evaluation serves both
     distance = there + ((points - points.detach()) * slope).sum(-1)
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
-    for other in attempt.depths_beside_object(centers, radii):
-        depth = depth + other.clamp(min=0)
+    for other in attempt.depths_beside_object(joints, turns):
+        wrist = other.shape[1] - depth.shape[1]  # zero once the wrist was added
+        depth = torch.nn.functional.pad(depth, (0, wrist)) + other.clamp(min=0)
     gap, normal = distance[:, centers.shape[1] :], slope[:, centers.shape[1] :]
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
     overlap = (-finger_clearance(centers, radii)).clamp(min=0)

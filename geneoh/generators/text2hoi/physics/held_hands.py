@@ -15,7 +15,7 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import mean_hand
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.hand.spheres import hand_scale, hand_spheres
+from geneoh.hand.spheres import hand_and_wrist_spheres, hand_scale
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table, contact_pads
 from geneoh.synthesis.grasping.grasp_checks import unheld
@@ -71,8 +71,8 @@ class HeldHands(Bundle):
 
     @property
     def spheres(self) -> tuple[Float[Tensor, "N K 3"], Float[Tensor, "N K"]]:
-        """Centres and radii of the spheres that fill the hands."""
-        return hand_spheres(self._posed()[0], self._scale())
+        """Centres and radii of the spheres that fill the hands and their wrists."""
+        return hand_and_wrist_spheres(*self._posed(), self._scale())
 
     @property
     def mirrored_spheres(self) -> OtherHands:

@@ -165,9 +165,9 @@ def kept_pose(
 ) -> HeldHands:
     """A hand that is in the pose `held` from the first to the last of `frames`.
 
-    If the `hold` is longer, the correction at these frames applies to all of it. It fades out on
-    the ways to and from the hold, on which the hand is pushed out of the object, the table and the
-    other hand.
+    If the `hold` is longer, the correction at these frames applies to all of it, and fades out on
+    the ways to and from the hold. Outside of `frames`, and less near them, the hand is
+    pushed out of the object, the table and the other hand.
     """
     share = _fading(hold, len(hand.wrist))[:, None]
     end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
@@ -178,8 +178,9 @@ def kept_pose(
     fingers = hand.pose[:, 1:] + share[..., None] * (held.pose[:, 1:] - changed.pose[:, 1:])
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
-    # no push in the held pose itself, and little where most of the correction applies
-    out = (1 - share**4) * shifts_out(solids, found, table, other)
+    # no push in the held pose itself, and little near it
+    away = 1 - _fading(frames, len(hand.wrist))[:, None] ** 4
+    out = away * shifts_out(solids, found, table, other)
     return withdrawn(replace(found, wrist=wrist + out), hold, solids, table, other)
 
 
