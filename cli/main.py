@@ -8,7 +8,9 @@ import errno
 import importlib
 import logging
 import os
+import sys
 from collections import Counter
+from io import TextIOWrapper
 from typing import Any
 
 import click
@@ -127,6 +129,12 @@ class LazyGroup(click.Group):
 @click.version_option(package_name="geneoh")
 def cli(debug: bool) -> None:
     """Clean 3D hand-object interaction tracks."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="replace")  # some encodings lack ² or letters of a path
+    try:
+        os.getcwd()
+    except FileNotFoundError:  # the libraries that torch loads then fail without a reason
+        raise failed("the current folder was deleted; change to another one", 2) from None
     level = logging.DEBUG if debug else logging.WARNING
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     logging.getLogger("geneoh").setLevel(level)

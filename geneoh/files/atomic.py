@@ -60,7 +60,9 @@ def replaceable(path: Path) -> Path:
 
 def reserved_beside(path: Path, *, folder: bool) -> Path:
     """An empty file or folder beside `path` that is ours alone; stale ones are removed."""
-    name = os.fsdecode(os.fsencode(path.name)[:LONGEST_NAME])
+    name = path.name
+    while len(os.fsencode(name)) > LONGEST_NAME:
+        name = name[:-1]
     for number in count():
         beside = path.with_name(f".{name}.{number}.tmp")
         try:

@@ -113,6 +113,6 @@ class Optimizer:
             for full_name, tensor in tensors.items():
                 owner, index, key = full_name.split(".")
                 if owner == name:
-                    moments.setdefault(int(index), {})[key] = tensor
+                    moments.setdefault(int(index), {})[key] = tensor.clone()
             groups = part.state_dict()["param_groups"]
             part.load_state_dict({"state": moments, "param_groups": groups})

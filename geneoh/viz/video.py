@@ -74,8 +74,9 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
             for _ in steps(range(0, scene.frames, every), on_step):
                 encoder.stdin.write(next(pictures).tobytes())
             _, messages = encoder.communicate()
-        except BrokenPipeError:
-            raise InputError(f"{path}: ffmpeg stopped; choose another place") from None
+        except BrokenPipeError:  # it stopped reading, and says why
+            encoder.wait()
+            messages = encoder.stderr.read() if encoder.stderr else b""
         finally:
             encoder.kill()  # has no effect on a process that has ended
             encoder.wait()
@@ -114,7 +115,7 @@ def _ffmpeg(
     height, width = picture.shape[:2]
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{rate:g}")
     return subprocess.Popen(
-        [ffmpeg_path(), "-v", "error", "-y", *raw, "-i", "-", *coded, str(path)],
+        [ffmpeg_path(), "-v", "error", "-y", *raw, "-i", "-", *coded, f"file:{path}"],
         stdin=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )

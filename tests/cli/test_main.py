@@ -1,3 +1,4 @@
+import io
 import os
 import subprocess
 import sys
@@ -49,6 +50,33 @@ def test_a_programming_error_says_how_to_report_it(geneoh, failing):
     assert (
         "ZeroDivisionError: division by zero; run `geneoh --debug" in geneoh("info", code=1).stderr
     )
+
+
+def test_letters_that_the_output_cannot_encode_are_replaced(command, monkeypatch):
+    @click.command()
+    def info() -> None:
+        click.echo("inconsistency in mm²")
+
+    monkeypatch.setattr(type(command), "get_command", lambda *_: info)
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="cp932"))
+    command.main(["info"], standalone_mode=False)
+    sys.stdout.flush()
+    assert written.getvalue().decode("cp932") == "inconsistency in mm?\n"
+
+
+def test_a_deleted_current_folder_is_named(geneoh, tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert "the current folder was deleted" in geneoh("info", code=2).stderr
+
+
+def test_it_also_runs_as_a_module():
+    ran = subprocess.run(
+        [sys.executable, "-m", "geneoh", "--help"], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.startswith("Usage: geneoh [OPTIONS]")
 
 
 def test_debug_lets_the_traceback_through(geneoh, failing):

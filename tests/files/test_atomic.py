@@ -81,6 +81,14 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
         write_whole(tmp_path / "nowhere" / "a.txt", "a")
 
 
+def test_the_name_beside_a_long_one_ends_with_a_whole_letter(tmp_path):
+    path = tmp_path / ("a" + "é" * 120)
+    with in_one_step(path) as beside:
+        os.fsencode(beside.name).decode()
+        beside.write_bytes(b"new")
+    assert path.read_bytes() == b"new"
+
+
 def test_text_with_a_file_name_that_is_not_utf_8_is_written(tmp_path):
     write_whole(tmp_path / "page.html", "title \udcff")
     assert (tmp_path / "page.html").read_text() == "title ?"

@@ -131,3 +131,15 @@ def test_what_is_remembered_can_be_given_to_another(tiny):
         move(model, optimizer, 2)
     for p, q in zip(first.parameters(), second.parameters(), strict=True):
         torch.testing.assert_close(p, q)
+
+
+def test_what_is_remembered_is_copied_so_that_its_file_can_be_replaced(tiny):
+    model = build_model("motion", tiny)
+    optimizer = Optimizer(model, tiny)
+    for p in model.parameters():
+        p.grad = torch.ones_like(p)
+    optimizer.step(1e-2)
+    loaded = {name: tensor.clone() for name, tensor in optimizer.tensors().items()}
+    optimizer.restore(loaded)
+    kept = {tensor.data_ptr() for tensor in optimizer.tensors().values()}
+    assert not kept & {tensor.data_ptr() for tensor in loaded.values()}
