@@ -58,7 +58,9 @@ def denoise(
     if noisy is None:
         raise click.UsageError("Missing argument 'NOISY'.", click.get_current_context())
     from geneoh.files.outputs import check_ending, check_outputs
+    from geneoh.files.reading import refuse_missing
 
+    refuse_missing(noisy)
     output = output or sources.beside(noisy)
     check_ending(output, (".npz",))
     if report is not None:

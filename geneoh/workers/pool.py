@@ -186,6 +186,7 @@ def _serve(pipe: Connection, do: Do[Any, Any]) -> None:
 def obey_parent() -> None:
     """Clean up and end on SIGTERM from the parent, or when the parent was killed."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that `finally` blocks run
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows cannot hold it; the parent receives it
     threading.Thread(target=end_with_parent, daemon=True).start()
 
 

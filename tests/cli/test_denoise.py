@@ -216,3 +216,8 @@ def test_a_camera_that_is_no_place_is_refused(geneoh, tmp_path, place):
     write_good(tmp_path)
     result = geneoh(*RUN, "--camera", place, code=2)
     assert f"expected three numbers X,Y,Z in metres, or origin, got '{place}'" in result.stderr
+
+
+def test_a_folder_of_the_input_that_is_not_there_is_named_as_the_input(geneoh, tmp_path):
+    result = geneoh("denoise", str(tmp_path / "typo" / "noisy.npz"), code=2)
+    assert "noisy.npz: no such file or folder" in result.stderr
