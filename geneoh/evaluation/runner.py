@@ -67,7 +67,8 @@ def evaluate(
     Args:
         options: what is scored; the name of a data set means its defaults.
         folder: output folder of the record and, with `pages`, of pages in 3D.
-        jobs: number of processes; 1 works in this one.
+        jobs: number of processes; 1 works in this one. A script with more needs
+            `if __name__ == "__main__":` around its calls, because each process imports it.
         fresh: discard the record and the pages in `folder`.
         pages: whether each clip that geneoh cleans gets a page in 3D.
         command: the command line, for the report.

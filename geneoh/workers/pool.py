@@ -150,7 +150,8 @@ def cause_of_death(process: BaseProcess) -> str:
     if code is not None and code >= 0:
         raise GeneOHError(
             f"a worker process ended with exit code {code}, for the reason that it printed; "
-            "run with --jobs 1 to work without worker processes"
+            "one job works without worker processes, and a script that asks for more needs "
+            "`if __name__ == '__main__':` around its calls"
         )
     name = "no signal" if code is None else signal.Signals(-code).name
     return (
