@@ -66,7 +66,7 @@ def test_an_item_whose_worker_is_killed_while_it_sends_is_tried_once_more(tmp_pa
 
 
 def test_a_worker_that_cannot_work_ends_the_run():
-    with pytest.raises(GeneOHError, match=r"exit code 3.*--jobs 1"):
+    with pytest.raises(GeneOHError, match=r"exit code 3.*one job"):
         list(results_of([1], chores.ended_by_itself, jobs=2, lost=lost))
 
 
