@@ -23,6 +23,7 @@ from geneoh.objects.refine import refine_object
 from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
+from geneoh.pipeline.examination.following import without_following
 from geneoh.pipeline.examination.rays import with_found_rays
 from geneoh.pipeline.examination.shots import common_shots, joined_shots, told_of
 from geneoh.pipeline.fitted import FittedHand, kept_apart
@@ -98,11 +99,13 @@ def denoise(
             sequence = with_hands_earlier(sequence, options.hand_delay)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
+        sequence, followed = without_following(sequence)
         sequence, lost = without_faults(sequence)
         shots = [slice(0, sequence.frames)]
         if isinstance(options.resolved().fit, FitConfig):  # the paper's finds one shape for all
             shots = common_shots(sequence)
-        notes = (*collapsed_sentences(taken), *exchange, *lost, *told_of(sequence, shots))
+        notes = (*collapsed_sentences(taken), *exchange, *followed, *lost)
+        notes = (*notes, *told_of(sequence, shots))
         doubtful = (*notes, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)

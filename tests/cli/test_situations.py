@@ -294,6 +294,12 @@ SITUATIONS = [
         code=0,
     ),
     Situation(
+        "One hand follows the other one in some frames",
+        "the left hand follows the other hand in 3 frames ... taken as missing",
+        with_two_hands(slice(0, 0), following=slice(4, 7)),
+        code=0,
+    ),
+    Situation(
         "One hand has two names",
         "the left and the right hand are in one place in 12 of 12 frames ... pass --side",
         with_two_hands(slice(0, 0), same=True),

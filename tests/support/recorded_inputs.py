@@ -96,14 +96,17 @@ def cut(folder: Path) -> None:
     write_example(folder, arrays)
 
 
-def with_two_hands(exchanged: slice, *, same: bool = False) -> Callable[[Path], None]:
-    """The recording's left hand and its mirror image beside it, exchanged in some frames; or the
-    same hand under both names."""
+def with_two_hands(
+    exchanged: slice, *, same: bool = False, following: slice = slice(0, 0)
+) -> Callable[[Path], None]:
+    """The recording's left hand and its mirror image beside it, exchanged in some frames; or with a
+    left hand that follows the right one in some frames; or the same hand under both names."""
 
     def write(folder: Path) -> None:
         left = recorded_keypoints()
         right = left.copy() if same else left * [-1, 1, 1] + [1 + 2 * left[:, :, 0].mean(), 0, 0]
         left[exchanged], right[exchanged] = right[exchanged], left[exchanged].copy()
+        left[following] = right[following]
         recorded(joints=left)(folder)
         arrays = dict(np.load(folder / "hand.npz"))
         for name in ("joints", "side"):

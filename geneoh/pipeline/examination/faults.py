@@ -27,7 +27,7 @@ from geneoh.readers.checks.hands import finger_curls, palm_length
 from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.shots import SHOT_SECONDS, shots_of
+from geneoh.sequence.shots import SHOT_SECONDS, paths_of, shots_of
 from geneoh.sequence.windows import runs
 
 FEWEST_OBSERVED = 5  # observed frames that are needed to distinguish faults from motion
@@ -51,18 +51,24 @@ ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # the trivial symmetry gr
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence with faulty frames marked as missing, and sentences for the user."""
-    found = [without_faults_of(hand, sequence.fps, sequence.object) for hand in sequence.hands]
+    found = []
+    for hand in sequence.hands:
+        others = tuple(other for other in sequence.hands if other is not hand)
+        found.append(without_faults_of(hand, sequence.fps, sequence.object, others))
     notes = tuple(words for _, each in found for words in each)
     return replace(sequence, hands=tuple(hand for hand, _ in found)), notes
 
 
 def without_faults_of(
-    hand: HandTrack, fps: float, motion: ObjectTrack
+    hand: HandTrack, fps: float, motion: ObjectTrack, others: tuple[HandTrack, ...] = ()
 ) -> tuple[HandTrack, tuple[str, ...]]:
-    """One hand with its faulty frames marked as missing, and sentences for the user."""
+    """One hand with its faulty frames marked as missing, and sentences for the user.
+
+    The `others` are hands beside it.
+    """
     hand, words = without_strays(hand)
     notes = list(words)
-    for frames, fault, of_fingers in faults(hand, fps, motion):
+    for frames, fault, of_fingers in faults(hand, fps, motion, others):
         if of_fingers:
             hand, cure = _with_other_fingers(hand, frames), "got those of the frames around"
         else:
@@ -89,7 +95,7 @@ def _with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrac
 
 
 def faults(
-    hand: HandTrack, fps: float, motion: ObjectTrack
+    hand: HandTrack, fps: float, motion: ObjectTrack, others: tuple[HandTrack, ...] = ()
 ) -> Iterator[tuple[Bool[Tensor, " T"], str, bool]]:
     """Faults of a track: the mask of its frames (disjoint between faults), a description, and
     whether it concerns the fingers alone."""
@@ -98,7 +104,8 @@ def faults(
         return
     joints, trusted = filled_keypoints(hand), hand.trust > 0
     parts = motion.seen_parts if motion.meshes else ()
-    views, shots = tuple(motion.seen_from(q, joints) for q in parts), shots_of(hand, fps)
+    views = tuple(motion.seen_from(q, joints) for q in parts)
+    shots = shots_of(hand, fps, paths_of(others, motion))
     track = KeypointTrack(joints, trusted, hand.side, fps, views, shots)
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen

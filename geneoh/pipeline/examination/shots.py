@@ -13,12 +13,16 @@ from geneoh.metrics.report import over_shots
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.shots import shots_of
+from geneoh.sequence.shots import paths_of, shots_of
 
 
 def cuts_in(sequence: Sequence) -> list[int]:
-    """First frames of all shots but the first: a jump of one hand cuts all hands."""
-    cuts = {shot.start for hand in sequence.hands for shot in shots_of(hand, sequence.fps)}
+    """First frames of all shots but the first: a leap of one hand cuts all hands, unless the other
+    hand or the object goes on evenly."""
+    cuts: set[int] = set()
+    for hand in sequence.hands:
+        beside = paths_of((h for h in sequence.hands if h is not hand), sequence.object)
+        cuts |= {shot.start for shot in shots_of(hand, sequence.fps, beside)}
     return sorted(cuts - {0})
 
 

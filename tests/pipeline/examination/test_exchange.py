@@ -1,7 +1,6 @@
 """Two hands that are exchanged in some frames, or are one and the same."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -9,27 +8,13 @@ import torch
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.examination.exchange import with_frames_of, without_exchange
 from geneoh.readers.checks.convention import doubts
-from geneoh.readers.npz.files import load
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def keys(hand: HandTrack, joints: torch.Tensor) -> HandTrack:
     """A hand of keypoints alone."""
     return HandTrack(hand.side, hand.valid, joints=joints)
-
-
-@pytest.fixture(scope="module")
-def pair() -> Sequence:
-    """The recording's left hand, and its mirror image 25 cm beside it, backward in time."""
-    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
-    left = sequence.hands[0]
-    right = left.mirrored()
-    beside = left.joints.mean((0, 1)) - right.joints.mean((0, 1)) + torch.tensor([0.25, 0, 0])
-    hands = (keys(left, left.joints), keys(right, right.joints.flip(0) + beside))
-    return replace(sequence, hands=hands)
 
 
 def exchanged(pair: Sequence, frames: torch.Tensor) -> Sequence:

@@ -9,9 +9,10 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.metrics.report import InteractionReport, over_shots
 from geneoh.pipeline.denoise import denoise
-from geneoh.pipeline.examination.shots import common_shots, told_of
+from geneoh.pipeline.examination.shots import common_shots, cuts_in, told_of
 from geneoh.pipeline.results import Denoised
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.shots import paths_of, shots_of
 
 CUT, FRAMES = 45, 90
 
@@ -93,3 +94,35 @@ def test_reports_of_shots_are_means_over_their_frames():
     assert (whole.contact_fraction, whole.fingers_in_contact) == (0.375, 2.0)
     assert (whole.acceleration_mm, whole.through_fraction) == (4.0, 0.25)
     assert isnan(whole.consistency_mm2)
+
+
+def beside(video: Sequence, path: torch.Tensor) -> Sequence:
+    """The video without its object, and with a right hand that has one pose and a path (T, 3)."""
+    (left,) = video.hands
+    joints = left.mirrored().joints[:1] + path[:, None]
+    right = HandTrack("right", left.valid, joints=joints)
+    return replace(video, hands=(left, right), object=ObjectTrack.resting((), FRAMES))
+
+
+def test_a_leap_is_no_cut_where_the_other_hand_or_the_object_goes_on(video):
+    straight = torch.linspace(0, 0.5, FRAMES)[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    assert cuts_in(beside(video, straight)) == []
+    assert cuts_in(beside(video, 0.0 * straight)) == [CUT]  # it rests
+    shaken = 0.004 * torch.randn(FRAMES, 3, generator=torch.Generator().manual_seed(0))
+    assert cuts_in(beside(video, shaken)) == [CUT]
+    assert cuts_in(beside(video, straight + shaken)) == []
+    leaps = straight + 0.1 * (torch.arange(FRAMES)[:, None] >= CUT)
+    assert cuts_in(beside(video, leaps)) == [CUT]
+    upright = torch.eye(3).expand(FRAMES, 3, 3)
+    carried = ObjectTrack(video.object.meshes, upright, straight)
+    assert cuts_in(replace(video, object=carried)) == []
+    seen = (torch.arange(FRAMES) < CUT - 2)[:, None]
+    assert cuts_in(replace(video, object=replace(carried, valid=seen))) == [CUT]
+
+
+def test_a_hand_that_leaps_while_its_object_goes_on_is_no_shot_of_the_fault_detection(video):
+    path = torch.linspace(0, 0.5, FRAMES)[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    given = beside(video, path)
+    (left, right), motion = given.hands, given.object
+    assert len(shots_of(left, given.fps)) == 2
+    assert len(shots_of(left, given.fps, paths_of((right,), motion))) == 1
