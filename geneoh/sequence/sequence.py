@@ -1,5 +1,6 @@
 """One interaction: up to two hands and one object of rigid parts over T frames, metres, radians."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,8 @@ from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import meshes_of
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
+
+WELL_SEEN = 0.95  # quantile of confidences: a maximum would depend on a single keypoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,7 @@ class HandTrack(Bundle):
     hand_model: str | None = None
     """"embedded", "mano", or "mano-as-shipped" for left betas of the official left MANO file."""
     confidence: Float[Tensor, "T 21"] | None = None
-    """Confidence of each keypoint, 0 to 1."""
+    """Confidence of each keypoint, 0 to 1; only its relation to the others of the track counts."""
     joint_spread: Float[Tensor, "T 21"] | None = None
     """Expected root mean square error of each keypoint in metres; None where it is not known.
 
@@ -68,7 +71,8 @@ class HandTrack(Bundle):
 
     @property
     def trust(self) -> Float[Tensor, "T 21"]:
-        """Weight of each keypoint: 0 in frames without the hand, else its confidence, or 1.
+        """Weight of each keypoint, 0 to 1: 0 in frames without the hand, else its confidence in
+        relation to `usual_confidence`, or 1 without confidences.
 
         A confidence of zero everywhere has no information and is ignored.
         """
@@ -76,7 +80,9 @@ class HandTrack(Bundle):
         if self.confidence is None:
             return there
         trust = torch.where(self.valid[:, None], self.confidence.clamp(0, 1), 0.0)
-        return trust if bool(trust.any()) else there
+        if not bool(trust.any()):
+            return there
+        return (trust / usual_confidence(trust)).clamp(max=1)
 
     @property
     def observed(self) -> Bool[Tensor, " T"]:
@@ -98,6 +104,15 @@ class HandTrack(Bundle):
         """The track with a function applied to each named field that is not None."""
         known = {name: getattr(self, name) for name in how}
         return replace(self, **{n: how[n](old) for n, old in known.items() if old is not None})
+
+
+def usual_confidence(confidence: Float[Tensor, "T 21"]) -> Float[Tensor, ""]:
+    """The confidence of well seen keypoints: the quantile `WELL_SEEN` of those above zero.
+
+    Trackers differ in the scale of their confidences, which says nothing about their errors.
+    """
+    known = confidence[confidence > 0]
+    return known.kthvalue(math.ceil(WELL_SEEN * len(known))).values
 
 
 def refuse_unknown_model(hand_model: str | None, where: str) -> None:

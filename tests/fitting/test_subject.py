@@ -87,7 +87,9 @@ def test_trust_is_confidence_where_observed_and_zero_elsewhere():
     track = track_of(torch.zeros(10))
     valid = track.valid.clone()
     valid[2] = False
-    subject = subject_of(replace(track, valid=valid, confidence=torch.full((8, 21), 0.5)), MODEL)
+    sure = torch.ones(8, 21)
+    sure[0] = 0.5
+    subject = subject_of(replace(track, valid=valid, confidence=sure), MODEL)
     assert subject.trust[2].eq(0).all()
     assert subject.trust[0].eq(0.5).all()
 

@@ -115,3 +115,19 @@ def test_every_second_frame_comes_at_half_the_rate(frames, fps):
     sequence = Sequence((HAND,), ObjectTrack.resting((), T), 30.0)
     assert sequence[frames].fps == fps
     assert sequence[frames].frames == 2
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1, 0.003])
+def test_the_scale_of_confidences_does_not_matter(scale):
+    sure = torch.linspace(0.2, 1.0, 21).expand(T, 21).clone()
+    sure[:, -2:] = 1.0
+    sure[2, 5] = 0.0  # not seen
+    hand = replace(HAND, valid=torch.arange(T) != 1, confidence=scale * sure)
+    expected = torch.where(hand.valid[:, None], sure, 0.0)
+    torch.testing.assert_close(hand.trust, expected)
+    assert torch.equal(replace(hand, confidence=hand.trust).trust, hand.trust)
+    even = replace(HAND, valid=hand.valid, confidence=torch.full((T, 21), scale))
+    assert torch.equal(even.trust, replace(even, confidence=None).trust)
+    one = torch.full((T, 21), 0.1)
+    one[0, 0] = 1.0  # a single value does not set the scale
+    assert float(replace(HAND, confidence=scale * one).trust.min()) == 1.0

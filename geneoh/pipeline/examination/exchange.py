@@ -45,8 +45,9 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
 
 
 def with_confidence(hands: tuple[HandTrack, ...]) -> tuple[HandTrack, ...]:
-    """The hands, all with a `confidence` if any of them has one, so that their fields agree."""
-    if len({hand.confidence is None for hand in hands}) == 1:
+    """The hands, all with their `trust` as `confidence` if any of them has one, so that fields and
+    scales agree."""
+    if all(hand.confidence is None for hand in hands):
         return hands
     return tuple(replace(hand, confidence=hand.trust) for hand in hands)
 

@@ -57,6 +57,15 @@ def test_hands_of_which_one_has_lost_a_keypoint_are_put_right(pair):
     assert float(found.hands[0].confidence.min()) == 1
 
 
+def test_exchanged_hands_keep_their_own_scale_of_confidence(pair):
+    frames = (torch.arange(146) >= 50) & (torch.arange(146) < 100)
+    levels = zip(exchanged(pair, frames).hands, (0.9, 0.1), strict=True)
+    hands = tuple(replace(hand, confidence=torch.full((146, 21), sure)) for hand, sure in levels)
+    found, said = without_exchange(replace(pair, hands=hands))
+    assert said
+    assert all(bool((hand.trust == 1).all()) for hand in found.hands)
+
+
 @pytest.mark.parametrize("noise", ["clean", "gauss_strong", "bias", "drift", "drop", "camera"])
 def test_other_hands_stay_as_they_are(pair, noise):
     given = noisy(pair, noise)

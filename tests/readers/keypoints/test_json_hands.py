@@ -293,7 +293,7 @@ def test_frames_of_leap_motion_are_read_in_metres_and_microseconds(read):
     hand = read(frames).hands[0]
     assert hand.side == "right"
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
-    assert float(hand.trust.max()) == 0.75
+    assert float(hand.confidence.max()) == 0.75
     assert read(frames).fps == pytest.approx(1e6 / 8700, rel=0.02)
     said = read({"frames": frames}, keypoint_unit="mm").hands[0].joints
     np.testing.assert_allclose(said, POINTS, atol=1e-6)
