@@ -1,6 +1,7 @@
 """Hands after the fit: remove penetration between two hands, then measure each hand."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from geneoh.hand.model import ShapedHand
 from geneoh.metrics.contact import depth_between
 from geneoh.metrics.report import through_walls
 from geneoh.objects.evidence import doubt
+from geneoh.pipeline.contradictions import HandAtObject, contradictions
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
@@ -111,7 +113,7 @@ class FittedHand:
         several = len(self.samples) > 1
         spread = joint_spread(self.samples, alone=1 - self.evidence) if several else None
         observed = self.hand.track.observed  # the report compares the same frames before and after
-        before, _ = measure_hand(
+        before, apart_before = measure_hand(
             self.given, subject.shaped, self.given_joints, self.surface, fps, observed
         )
         after, apart = measure_hand(
@@ -119,6 +121,10 @@ class FittedHand:
         )
         touch = self.near.max() * self.poses
         seen = subject.trust > 0
+        doubts: Iterable[str] = ()
+        if apart is not None and apart_before is not None and self.preset.has_object:
+            given = HandAtObject(self.given_joints, apart_before)
+            doubts = contradictions(given, HandAtObject(joints, apart), observed, self.evidence)
         return HandResult(
             track=clean_track(state, joints, self.betas, shaped.model.name, spread),
             filled=~observed,
@@ -134,6 +140,7 @@ class FittedHand:
             notes=(
                 *subject.notes,
                 *(doubt(self.hand.frames_to_user(self.evidence)) if self.preset.has_object else ()),
+                *doubts,
                 *through_walls(before, after),
             ),
         )

@@ -17,7 +17,9 @@ import quick_presets
 from bad_inputs import BOX_CORNERS, BOX_FACES, FRAMES, good_arrays, with_arrays, write_mesh
 from click.testing import CliRunner
 from recorded_inputs import (
+    beside,
     cut,
+    in_a_box,
     inverted,
     late,
     recorded,
@@ -362,7 +364,19 @@ SITUATIONS = [
         with_arrays(object_translation=np.full((FRAMES, 1, 3), 0.3)),
         code=0,
     ),
+    Situation(
+        "Hand and object are centimetres apart from where they touched, for seconds",
+        "note: the hand was moved by ... off their place; without a mesh",
+        beside,
+        code=0,
+    ),
     # The mesh
+    Situation(
+        "The mesh is a convex hull or a box of a hollow object",
+        "note: fingers are ... mm deep ... the mesh may be larger than the object",
+        in_a_box,
+        code=0,
+    ),
     Situation(
         "A mesh of another program", "expected a mesh file", command="denoise hand.npz --obj a.fbx"
     ),

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from bad_inputs import write_mesh
+from bad_inputs import BOX_CORNERS, write_mesh
 
 import geneoh
 
@@ -93,6 +93,29 @@ def cut(folder: Path) -> None:
     arrays |= {n: v[50:100] for n, v in arrays.items() if v.ndim and len(v) == frames}
     for name in ("left_joints", "left_wrist", "object_translation"):
         arrays[name][25:] += 0.5
+    write_example(folder, arrays)
+
+
+def frames_with_contact() -> dict[str, np.ndarray]:
+    """Arrays of ninety frames of the example recording in which the hand is at its object."""
+    arrays = dict(np.load(CLEAN))
+    frames = len(arrays["left_valid"])
+    return arrays | {n: v[20:110] for n, v in arrays.items() if v.ndim and len(v) == frames}
+
+
+def in_a_box(folder: Path) -> None:
+    """The example recording with the box around its object instead of the mesh."""
+    write_example(folder, frames_with_contact())
+    verts = geneoh.load_mesh(OBJECT).verts.numpy()
+    corners = (BOX_CORNERS - BOX_CORNERS.min(0)) / np.ptp(BOX_CORNERS, axis=0)
+    write_mesh(folder / "object.obj", verts.min(0) + corners * np.ptp(verts, axis=0))
+
+
+def beside(folder: Path) -> None:
+    """The example recording with a hand that is 6 cm beside its true place all the time."""
+    arrays = frames_with_contact()
+    for name in ("left_joints", "left_wrist"):
+        arrays[name] = arrays[name] + np.array([0.06, 0, 0], np.float32)
     write_example(folder, arrays)
 
 
