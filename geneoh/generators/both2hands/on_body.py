@@ -19,7 +19,7 @@ from geneoh.files.npz import Arrays
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import load_both2hands
 from geneoh.generators.both2hands.sampling import generate_hands
-from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words
+from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words, unknown_words
 from geneoh.geometry.rotations import axis_angle_to_matrix, turn_up
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
@@ -130,6 +130,9 @@ def generate_on_body(
     body = body_of(body)
     if words := ruled_out_words(sentence):
         note = f"'{words}' may not be followed; say what the hands do instead"
+        body = replace(body, notes=(*body.notes, note))
+    is_shipped = options.weights is None and options.text_encoder is None
+    if is_shipped and (note := unknown_words(sentence)):
         body = replace(body, notes=(*body.notes, note))
     if held is not None and held.is_seen and not held.meshes:
         note = "the object has poses and no mesh, so that no hand is brought to it; --obj names one"

@@ -4,24 +4,27 @@ import re
 from functools import cache
 
 from geneoh.choices import SIDES
+from geneoh.errors import shortened
 from geneoh.generators.pieces import words_of
 from geneoh.generators.sentences import check_english, refused
 from geneoh.generators.text2hoi.sentences import prompt
 from geneoh.generators.text2hoi.sentences.negation import rules_out, without_ruled_out
+from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS
 from geneoh.language.conjugation import forms
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 EXAMPLE = '"the right hand waves, the left rests"'
 BODY_WORDS = """
-    arm arms body chest chin clenched closed crossed curl curled ear ears elbow elbows extend
-    extended extending eye eyes face facing fist forehead forearm forearms gesture gestures girl
-    head high hip hips index inward joint joints knee knees knuckle knuckles lap leg legs little
-    loosely lower lowered low middle move moves moving mouth nails naturally neck nose open opened
-    outward palms pinky point pose position posture pressed raise raised relaxed rest resting rests
-    ring separated shape shoulder shoulders sit sits sitting slightly stand standing stands still
-    straight straightened stomach stretch stretched thigh thighs thumbs tip together touch touches
-    touching upward waist walk walking walks wrist wrists
+    arm arms body chest chin clenched closed crossed curl curled do does doing ear ears elbow elbows
+    extend extended extending eye eyes face facing fist forehead forearm forearms gesture gestures
+    girl head high hip hips index inward joint joints knee knees knuckle knuckles lap leg legs
+    little loose loosely lower lowered low middle move moves moving mouth nails naturally neck nose
+    nothing only open opened outward palms pinky point pose position posture pressed raise raised
+    relax relaxed relaxes relaxing rest resting rests ring separated shape shoulder shoulders sit
+    sits sitting slightly speaker stand standing stands stay staying stays still straight
+    straightened stomach stretch stretched thigh thighs thumbs tip together touch touches touching
+    upward waist walk walking walks wrist wrists
 """
 """Words of descriptions of hands and bodies, beside those of synthetic gestures and of objects."""
 _CLAUSE = re.compile(r"[,;.:]|\b(?:and|but|while|as|yet|although|though|whereas)\b", re.IGNORECASE)
@@ -77,12 +80,34 @@ def refuse_contradiction(sentence: str) -> None:
 
 
 def ruled_out_words(sentence: str) -> str:
-    """The first words that rule out something other than a hand ("don't make"); else empty."""
+    """The first words that rule out something other than a hand ("don't make", "not a fist"); else
+    empty."""
     words = without_ruled_out(" ".join(words_of(sentence)))[0].split()
     for at in range(len(words)):
         if count := rules_out(words, at):
-            return " ".join(words[at : at + count + 1])
+            stop = at + count
+            while words[stop : stop + 1] and words[stop] in DETERMINERS:
+                stop += 1
+            return " ".join(words[at : stop + 1])
     return ""
+
+
+def unknown_words(sentence: str) -> str:
+    """A note on words that no caption of synthetic gestures has; empty without such words.
+
+    Negations have a note of their own.
+    """
+    known = known_gesture_words()
+    unknown = {
+        f"'{word}'": None
+        for word in words_of(sentence)
+        if known.isdisjoint((word, word.removesuffix("'s"), word.removesuffix("s")))
+        and not rules_out([word], 0)
+    }
+    if not unknown:
+        return ""
+    verb = "is" if len(unknown) == 1 else "are"
+    return f"{shortened(', '.join(unknown), 60)} {verb} not known and may be ignored"
 
 
 @cache

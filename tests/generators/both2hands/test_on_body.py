@@ -1,6 +1,7 @@
 """Hands for bodies of any rate and world; the networks themselves are tested elsewhere."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import bodies
 import jaxtyping
@@ -181,6 +182,21 @@ def test_what_a_sentence_rules_out_is_told(asked):
     told = "'don't make' may not be followed; say what the hands do instead"
     assert notes("Don't make a fist.") == (*usual, told)
     assert "not be followed" not in " ".join(usual)
+    told = "'not a fist' may not be followed; say what the hands do instead"
+    assert notes("the left hand is not a fist") == (*usual, told)
+
+
+def test_words_that_are_not_known_are_told(asked):
+    def notes(sentence: str, options: BodyOptions | None = None) -> str:
+        return " ".join(generate_on_body(sentence, bodies.recording(), options).body.notes)
+
+    told = "'rihgt', 'shwos' are not known and may be ignored"
+    assert told in notes("rihgt hand shwos two fingers")
+    assert "'feet', 'kick' are not known" in notes("the feet kick a ball")
+    assert "'third' is not known and may be ignored" in notes("the third hand waves")
+    own = BodyOptions(weights=Path("own"))  # their training data may have other words
+    assert "not known" not in notes("the feet kick a ball", own)
+    assert "not known" not in notes("The left hand doesn't wave, the man's right hand claps")
 
 
 def test_an_object_without_a_mesh_is_told(asked, held):

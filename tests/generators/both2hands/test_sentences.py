@@ -7,6 +7,7 @@ from geneoh.generators.both2hands.sentences import (
     check_sentence,
     known_gesture_words,
     said_of_gestures,
+    unknown_words,
 )
 from geneoh.generators.pieces import words_of
 
@@ -83,3 +84,15 @@ def test_all_words_of_made_gestures_are_known():
     assert {
         word for phrase in said_of_gestures() for word in words_of(phrase)
     } <= known_gesture_words()
+
+
+def test_all_words_of_synthetic_gestures_are_known():
+    for phrase in said_of_gestures():
+        assert unknown_words(f"the left hand is to {phrase}") == ""
+    assert unknown_words("the speaker does nothing with the left hand, the right stays loose") == ""
+
+
+def test_of_many_unknown_words_the_first_are_named():
+    note = unknown_words("the hand waves " + " ".join(f"qq{letter}xyz" for letter in "abcdefghij"))
+    assert note.startswith("'qqaxyz', 'qqbxyz', ")
+    assert note.endswith("... are not known and may be ignored")
