@@ -102,18 +102,19 @@ def test_300_frames_of_two_hands_before_and_after_stay_under_6_mb(long_page):
     assert len(long_page.encode()) < 6e6
 
 
-@pytest.fixture
-def drive(node_modules, tmp_path):
+@pytest.fixture(scope="module")
+def drive(node_modules, tmp_path_factory):
     """Run one of the scripts beside this file on a page in a browser; what it saw."""
     chromium = os.environ.get("CHROMIUM") or shutil.which("chromium") or "chromium"
     if shutil.which(chromium) is None:
         pytest.skip(f"no browser {chromium}; install chromium, or let CHROMIUM name one")
 
     def run_script(name: str, page: str) -> dict:
-        (tmp_path / "page.html").write_text(page, encoding="utf-8")
+        folder = tmp_path_factory.mktemp("page")
+        (folder / "page.html").write_text(page, encoding="utf-8")
         script = Path(__file__).with_name(name)
         run = subprocess.run(
-            ["node", script, shutil.which(chromium), tmp_path / "page.html", tmp_path],
+            ["node", script, shutil.which(chromium), folder / "page.html", folder],
             env={**os.environ, "NODE_PATH": str(node_modules)},
             capture_output=True,
             text=True,
@@ -147,6 +148,16 @@ def test_in_a_browser_it_plays_scrubs_and_switches_without_network_or_error(page
     assert seen["phone"]["red"][0] > 4 * seen["phone"]["red"][1]
     assert seen["phone"]["overflow"] == 0
     assert seen["narrow"] == {"follow": False, "keys": True, "overflow": 0}
+
+
+@pytest.fixture(scope="module")
+def reached(page, drive):
+    """What was seen on paper."""
+    return drive("reach_page.cjs", page)
+
+
+def test_on_paper_the_picture_keeps_its_shape_and_the_legend_its_colours(reached):
+    assert reached["paper"] == {"fit": "contain", "colours": ["exact", "exact"]}
 
 
 def test_without_a_gpu_300_frames_open_in_2_s_and_play_at_30_a_second(long_page, drive):
