@@ -23,7 +23,15 @@ from torch import Tensor
 
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
-from geneoh.viz.look import DEFAULT_LOOK, SCALES, SKIN_COLOUR, Look, ramp_position
+from geneoh.viz.look import (
+    BODY_COLOUR,
+    DEFAULT_LOOK,
+    OBJECT_COLOUR,
+    SCALES,
+    SKIN_COLOUR,
+    Look,
+    ramp_position,
+)
 from geneoh.viz.posed_track import PosedTrack
 from geneoh.viz.scene import Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
@@ -117,7 +125,7 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
             "targets": _rounded(np.stack([camera.target for camera in seen])),
         },
         "skinColour": SKIN_COLOUR,
-        "objectColour": scene.part_colour(0),
+        "partColours": [OBJECT_COLOUR, BODY_COLOUR],
         "scales": {
             name: vars(scale) | {"limits": [1000 * limit for limit in scale.limits]}
             for name, scale in SCALES.items()
@@ -139,6 +147,7 @@ def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
     quat_wxyz, translation = scene.part_motion(part)
     return {
         **box.origin(),
+        "limb": scene.is_limb(part),
         "verts": packed.add(box.steps(mesh.verts)),
         "faces": packed.add(mesh.faces.numpy().astype(np.uint32)),
         "quat": _rounded(quat_wxyz, 6),

@@ -114,13 +114,17 @@ class Scene:
     def part_name(self, part: int) -> str:
         """ "object", or "object 1", "object 2" where there are several parts; "body 1" of limbs."""
         own = len(self.object.meshes) - self.limbs
-        if part >= own:
+        if self.is_limb(part):
             return f"body {part - own + 1}"
         return f"object {part + 1}" if own > 1 else "object"
 
     def part_colour(self, part: int) -> Colour:
         """The colour of a part of the object, or of a limb."""
-        return BODY_COLOUR if part >= len(self.object.meshes) - self.limbs else OBJECT_COLOUR
+        return BODY_COLOUR if self.is_limb(part) else OBJECT_COLOUR
+
+    def is_limb(self, part: int) -> bool:
+        """Whether a part belongs to the body and not to the object."""
+        return part >= len(self.object.meshes) - self.limbs
 
     @property
     def up(self) -> Axis:

@@ -1,4 +1,4 @@
-// Opens a page as people do who print it; prints what was seen as JSON.
+// Opens a page of a body with an object, also as people do who print it; prints what was seen as JSON.
 const { inBrowser, open, ready } = require("./browser.cjs");
 const [, , executablePath, file] = process.argv;
 
@@ -15,4 +15,26 @@ async function onPaper(browser) {
   return { fit: await styled(page, "#view", "objectFit"), colours };
 }
 
-inBrowser(executablePath, async (browser) => ({ paper: await onPaper(browser) }));
+/** Numbers of pixels that are as blue as the object, and as grey as a limb. */
+const parts = () => {
+  const view = document.getElementById("view");
+  const { data } = view.getContext("2d").getImageData(0, 0, view.width, view.height);
+  const found = { object: 0, limb: 0 };
+  for (let at = 0; at < data.length; at += 4) {
+    const blueness = (data[at + 2] - data[at]) / data[at + 2];
+    if (blueness > 0.2) found.object++;
+    else if (blueness > 0.04 && blueness < 0.09) found.limb++;
+  }
+  return found;
+};
+
+async function coloured(browser) {
+  const page = await open(browser, { viewport: { width: 900, height: 640 } });
+  await ready(page, file);
+  return page.evaluate(parts);
+}
+
+inBrowser(executablePath, async (browser) => ({
+  parts: await coloured(browser),
+  paper: await onPaper(browser),
+}));

@@ -151,9 +151,13 @@ def test_in_a_browser_it_plays_scrubs_and_switches_without_network_or_error(page
 
 
 @pytest.fixture(scope="module")
-def reached(page, drive):
-    """What was seen on paper."""
-    return drive("reach_page.cjs", page)
+def reached(scene, drive):
+    """What was seen of a body with an object, also on paper."""
+    return drive("reach_page.cjs", page_html(replace(scene, limbs=1)))
+
+
+def test_a_body_and_its_object_have_two_colours(reached):
+    assert min(reached["parts"].values()) > 1000
 
 
 def test_on_paper_the_picture_keeps_its_shape_and_the_legend_its_colours(reached):

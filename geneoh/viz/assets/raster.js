@@ -178,7 +178,7 @@ function compose(pixels, background, { object, hand, other, objectColours, handC
     for (let column = 0; column < width; column++, at++) {
       const h = skin[at], o = solid[at];
       if (h === 0 && o === 0) continue;
-      const under = o === 0 ? 0 : objectColours[object.tone[at] & 63];
+      const under = o === 0 ? 0 : objectColours[object.tone[at]];
       let colour = under;
       if (h > 0 && (seeThrough || h >= o)) {
         const tone = hand.tone[at];

@@ -32,6 +32,7 @@ function array(place) {
 for (const part of scene.parts) {
   const points = Float32Array.from(array(part.verts), (v, i) => v * part.step + part.low[i % 3]);
   part.mesh = new DrawnMesh(points, array(part.faces));
+  part.mesh.ramp.fill(part.limb ? 255 : 0);
 }
 for (const version of scene.versions)
   for (const hand of version.hands) {
@@ -83,7 +84,7 @@ const state = {
 };
 const canvas = $("view"), pen = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
 const orbit = new Orbit(scene.camera);
-const objectColours = palette([scene.objectColour]);
+const objectColours = palette(scene.partColours);
 const palettes = Object.fromEntries(Object.entries(scene.scales).map(([name, s]) => [name, palette(s.ramp)]));
 palettes.plain = palette([scene.skinColour]);
 
