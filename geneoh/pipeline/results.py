@@ -191,6 +191,17 @@ def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
     return found
 
 
+def load_filled(path: Path | str) -> dict[Side, Bool[Tensor, " T"]]:
+    """Frames of each hand in a saved result that its input lacked, by side; empty if unknown."""
+    arrays = kept_arrays(path)
+    found: dict[Side, Tensor] = {}
+    for side in SIDES:
+        filled = arrays.get(f"{side}_filled")
+        if filled is not None and filled.ndim == 1:
+            found[side] = torch.from_numpy(filled).bool()
+    return found
+
+
 def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:
     """The confidence of the object's poses in a saved result; None if it has none."""
     kept = kept_arrays(path).get("object_confidence")

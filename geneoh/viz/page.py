@@ -21,6 +21,7 @@ import torch
 from jaxtyping import Float, Integer
 from torch import Tensor
 
+from geneoh.errors import numbered
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
 from geneoh.viz.look import (
@@ -91,6 +92,7 @@ def page_html(scene: Scene, look: Look = DEFAULT_LOOK) -> str:
     described = describe(scene, look.upward, packed)
     filled = {
         "TITLE": html.escape(scene.title),
+        "NOTES": _notes(scene.notes),
         "STYLE": _asset("page.css"),
         "RASTER": _asset("raster.js"),
         "ORBIT": _asset("orbit.js"),
@@ -101,6 +103,15 @@ def page_html(scene: Scene, look: Look = DEFAULT_LOOK) -> str:
     }
     # one pass, so that no inserted text is taken for a placeholder
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda gap: filled[gap[1]], _asset("page.html"))
+
+
+def _notes(notes: tuple[str, ...]) -> str:
+    """The notes as a list that is closed at first; nothing without notes."""
+    if not notes:
+        return ""
+    lines = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    summary = f"<summary>{numbered(len(notes), 'note')}</summary>"
+    return f'<details id="notes">{summary}<ul>{lines}</ul></details>'
 
 
 def _asset(name: str) -> str:
@@ -131,6 +142,7 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
             for name, scale in SCALES.items()
         },
         "bones": KEYPOINT_PARENTS,
+        "filled": [] if scene.filled is None else scene.filled.int().tolist(),
         "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
         "versions": [_version(version, scene, box, packed) for version in scene.versions],
         "samples": {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.choices import Axis, Colouring, Side
@@ -87,6 +87,10 @@ class Scene:
     samples: dict[Side, Float[Tensor, "S T 21 3"]]  # keypoints of all samples, if kept
     object_confidence: Float[Tensor, " T"] | None = None
     """Confidence in the object's pose, 0 to 1; None where it is unknown or 1 in every frame."""
+    filled: Bool[Tensor, " T"] | None = None
+    """Frames in which the input lacked a hand that the result has; None if they are unknown."""
+    notes: tuple[str, ...] = ()
+    """What is to be said about the input and its hands, as sentences."""
     body: BodyRecording | None = None
     """The body that the hands belong to, if known; its limbs are the last parts of `object`."""
     limbs: int = 0

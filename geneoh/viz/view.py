@@ -2,22 +2,30 @@
 
 import tempfile
 import webbrowser
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call
 from geneoh.choices import STRIP_CELL, Axis, Colouring, Side
 from geneoh.config import as_field_type
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.files.atomic import write_whole
 from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
-from geneoh.pipeline.results import FROM_ARRAYS, Denoised, Result, load_confidence, load_samples
+from geneoh.pipeline.results import (
+    FROM_ARRAYS,
+    Denoised,
+    Result,
+    load_confidence,
+    load_filled,
+    load_samples,
+)
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
@@ -153,7 +161,13 @@ def open_scene(
     scene = make_scene(
         sequences, title=title, samples=_samples(result), mano_dir=mano_dir, body=body
     )
-    return replace(scene, object_confidence=confidence_of(result))
+    filled = filled_of(result, scene)
+    return replace(
+        scene,
+        object_confidence=confidence_of(result),
+        filled=torch.stack(list(filled.values())).any(0) if filled else None,
+        notes=(*notes_of(result), *filled_notes(filled)),
+    )
 
 
 def confidence_of(result: Viewable) -> Float[Tensor, " T"] | None:
@@ -165,6 +179,39 @@ def confidence_of(result: Viewable) -> Float[Tensor, " T"] | None:
         found = result.examined.confidence
     least = None if found is None else found.amin(1).cpu()
     return None if least is None or bool((least == 1).all()) else least
+
+
+def filled_of(result: Viewable, scene: Scene) -> dict[Side, Bool[Tensor, " T"]]:
+    """Frames that the input lacked, for each hand of the scene of which they are known."""
+    found: dict[Side, Bool[Tensor, " T"]] = {}
+    if isinstance(result, Path | str):
+        found = load_filled(Path(result))
+    elif isinstance(result, Denoised):
+        found = {side: hand.filled.cpu() for side, hand in result.hands.items()}
+    shown = {hand.side for hand in scene.versions[-1].hands}
+    return {
+        side: filled
+        for side, filled in found.items()
+        if side in shown and len(filled) == scene.frames
+    }
+
+
+def notes_of(result: Viewable) -> tuple[str, ...]:
+    """Doubts about the input and notes on it and its hands, each once; a file keeps none."""
+    if not isinstance(result, Denoised):
+        return ()
+    of_hands = (
+        f"{side} hand: {note}" for side, hand in result.hands.items() for note in hand.notes
+    )
+    return tuple(dict.fromkeys((*result.doubts, *result.notes, *of_hands)))
+
+
+def filled_notes(filled: dict[Side, Bool[Tensor, " T"]]) -> Iterator[str]:
+    """How many frames of each hand were filled in, where there are any."""
+    for side, frames in filled.items():
+        if count := int(frames.sum()):
+            what = numbered(count, "unobserved frame")
+            yield f"{side} hand: {what} filled in, shaded behind the curves"
 
 
 def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:

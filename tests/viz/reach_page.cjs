@@ -28,13 +28,25 @@ const parts = () => {
   return found;
 };
 
-async function coloured(browser) {
+/** For each frame, whether something is drawn above the curve of the first measure. */
+const shades = () => {
+  const plot = document.querySelector("#curves canvas"), pen = plot.getContext("2d"), last = geneoh.scene.frames - 1;
+  return Array.from({ length: last + 1 }, (_, t) =>
+    pen.getImageData(8 + (t / last) * (plot.width - 16), 1, 1, 1).data[3] > 0);
+};
+
+async function onScreen(browser) {
   const page = await open(browser, { viewport: { width: 900, height: 640 } });
   await ready(page, file);
-  return page.evaluate(parts);
+  const seen = { parts: await page.evaluate(parts), shades: await page.evaluate(shades) };
+  const notes = page.locator("#notes li"), shown = () => notes.first().isVisible();
+  seen.notes = { atFirst: await shown(), texts: await notes.allTextContents() };
+  await page.click("#notes summary");
+  seen.notes.open = await shown();
+  return seen;
 }
 
 inBrowser(executablePath, async (browser) => ({
-  parts: await coloured(browser),
+  ...(await onScreen(browser)),
   paper: await onPaper(browser),
 }));

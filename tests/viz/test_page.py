@@ -16,6 +16,8 @@ from geneoh.metrics.report import measure_posed
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import make_scene
 
+NOTES = ("left hand: <b>1</b> & 'two'", "a {{TITLE}}")
+
 
 @pytest.fixture(scope="module")
 def page(scene):
@@ -152,12 +154,25 @@ def test_in_a_browser_it_plays_scrubs_and_switches_without_network_or_error(page
 
 @pytest.fixture(scope="module")
 def reached(scene, drive):
-    """What was seen of a body with an object, also on paper."""
-    return drive("reach_page.cjs", page_html(replace(scene, limbs=1)))
+    """What was seen of a body with an object and two notes, also on paper."""
+    filled = torch.tensor([0, 0, 1, 1, 0, 0]).bool()
+    return drive("reach_page.cjs", page_html(replace(scene, limbs=1, filled=filled, notes=NOTES)))
 
 
 def test_a_body_and_its_object_have_two_colours(reached):
     assert min(reached["parts"].values()) > 1000
+
+
+def test_notes_are_text_that_is_hidden_until_it_is_asked_for(reached):
+    assert reached["notes"] == {"atFirst": False, "texts": list(NOTES), "open": True}
+
+
+def test_a_page_without_notes_has_no_list_of_them(page):
+    assert 'id="notes"' not in page
+
+
+def test_frames_that_were_filled_in_are_shaded_in_the_curves(reached):
+    assert reached["shades"] == [False, False, True, True, False, False]
 
 
 def test_on_paper_the_picture_keeps_its_shape_and_the_legend_its_colours(reached):

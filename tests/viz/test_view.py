@@ -1,17 +1,21 @@
 """`geneoh.view` as Python users call it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
+import fake_cleaning
 import jaxtyping
 import numpy as np
 import pytest
+import torch
 from pages import page_scene
 from PIL import Image
 
 from geneoh.errors import ConfigError, InputError, MissingAssetError
+from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
@@ -44,6 +48,37 @@ def test_doubts_about_the_objects_poses_are_a_curve_of_the_page(sequences, tmp_p
     (told,) = page_scene(tmp_path / "doubtful.html")["versions"]
     assert told["curves"]["confidence"] == [100, 100, 25, 100, 100, 100]
     assert "confidence" not in page_scene(tmp_path / "sure.html")["versions"][0]["curves"]
+
+
+FILLED = torch.tensor([1, 0, 0, 0, 1, 1]).bool()
+
+
+def test_a_page_has_the_notes_of_a_result_and_the_frames_that_were_filled_in(
+    sequences, scene, tmp_path
+):
+    hand = replace(sequences[1].hands[0], joints=scene.versions[1].hands[0].joints)
+    one = replace(sequences[1], hands=(hand,))
+    result = replace(fake_cleaning.denoise(one, Options()), notes=("seen",), doubts=("odd", "seen"))
+    hand = replace(result.hands["right"], filled=FILLED)
+    page = view(replace(result, hands={"right": hand}), tmp_path / "a.html", before=one)
+    assert page_scene(page)["filled"] == FILLED.int().tolist()
+    assert re.findall("<li>(.*?)</li>", page.read_text("utf-8")) == [
+        "odd",
+        "seen",
+        "right hand: a &lt;note&gt;",
+        "right hand: 3 unobserved frames filled in, shaded behind the curves",
+    ]
+
+
+def test_the_page_of_a_file_has_the_filled_frames_of_the_hands_that_it_shows(sequences, tmp_path):
+    extra = {"right_filled": FILLED.numpy(), "left_filled": np.zeros(6, dtype=bool)}
+    alone = replace(sequences[1], object=ObjectTrack.resting((), 6))
+    save_sequence(alone, tmp_path / "two.npz", extra=extra)
+    both, left = (open_scene(tmp_path / "two.npz", side=side) for side in (None, "left"))
+    assert both.filled.tolist() == FILLED.tolist()
+    assert len(both.notes) == 1
+    assert not left.filled.any()
+    assert left.notes == ()
 
 
 @pytest.mark.parametrize("ending", [".html", ".png", ".glb"])

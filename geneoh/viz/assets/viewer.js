@@ -271,6 +271,13 @@ function showNumbers() {
   const width = $("curves").clientWidth - 2 * EDGE;
   $("now").style.transform = `translateX(${EDGE + (T > 1 ? (state.frame / (T - 1)) * width : width / 2)}px)`;
 }
+/** First and last frame of each run of frames that the input lacked. */
+const filledRuns = [];
+scene.filled.forEach((on, t) => {
+  if (!on) return;
+  if (scene.filled[t - 1]) filledRuns.at(-1)[1] = t;
+  else filledRuns.push([t, t]);
+});
 /** Half of the slider's thumb: where the curves begin, so that both are aligned. */
 const EDGE = 8;
 function drawCurves() {
@@ -283,6 +290,8 @@ function drawCurves() {
     pen.scale(ratio, ratio);
     const base = high - 3.5, room = base - (phone ? 19 : 5);
     const x = (t) => EDGE + (T > 1 ? (t / (T - 1)) * (wide - 2 * EDGE) : wide / 2 - EDGE);
+    pen.fillStyle = ink("--filled");
+    for (const [first, end] of filledRuns) pen.fillRect(x(first - 0.5), 0, x(end + 0.5) - x(first - 0.5), base);
     pen.strokeStyle = ink("--line");
     pen.beginPath(); pen.moveTo(EDGE, base + 0.5); pen.lineTo(wide - EDGE, base + 0.5); pen.stroke();
     lines.forEach((line, i) => {
