@@ -46,7 +46,38 @@ async function onScreen(browser) {
   return seen;
 }
 
+async function byKeys(browser) {
+  const page = await open(browser, { viewport: { width: 900, height: 640 } });
+  await ready(page, file);
+  const state = () => page.evaluate(() => {
+    const { frame, playing, seeThrough, colouring } = geneoh.state, { yaw, pitch, zoom } = geneoh.orbit;
+    const help = document.getElementById("help").getAttribute("aria-expanded");
+    const open = [!document.getElementById("keys").hidden, document.getElementById("notes").open];
+    return { frame, playing, seeThrough, colouring, yaw, pitch, zoom, help, open };
+  });
+  /** What keys change, pressed one after the other while an element has the focus. */
+  const changes = async (selector, ...keys) => {
+    await page.focus(selector);
+    const before = await state();
+    for (const key of keys) await page.keyboard.press(key);
+    const after = await state();
+    return Object.fromEntries(Object.entries(after).filter(
+      ([name, value]) => JSON.stringify(value) !== JSON.stringify(before[name])));
+  };
+  return {
+    button: await changes("#seeThrough", "Space"),
+    list: await changes("#colouring", "End"),
+    open: await changes("#notes summary", "Space", "?"),
+    closed: await changes("#help", "Escape"),
+    turned: await changes("#view", "Shift+ArrowRight", "Shift+ArrowUp"),
+    nearer: await changes("#view", "+"),
+    play: await changes("#play", "Space"),
+    ten: await changes("#frame", "Home", "Shift+ArrowRight"),
+  };
+}
+
 inBrowser(executablePath, async (browser) => ({
+  keys: await byKeys(browser),
   ...(await onScreen(browser)),
   paper: await onPaper(browser),
 }));

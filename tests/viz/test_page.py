@@ -175,6 +175,27 @@ def test_frames_that_were_filled_in_are_shaded_in_the_curves(reached):
     assert reached["shades"] == [False, False, True, True, False, False]
 
 
+def test_keys_are_left_to_the_control_that_has_the_focus(reached):
+    keys = reached["keys"]
+    assert keys["button"] == {"seeThrough": False}
+    assert keys["play"]["playing"] is True
+    assert keys["list"] == {"colouring": "spread"}
+    assert keys["ten"] == {"frame": 5, "playing": False}
+
+
+def test_escape_closes_the_keys_and_the_notes(reached):
+    opened, closed = reached["keys"]["open"], reached["keys"]["closed"]
+    assert (opened["help"], opened["open"]) == ("true", [True, True])
+    assert (closed["help"], closed["open"]) == ("false", [False, False])
+
+
+def test_keys_turn_and_zoom_the_picture(reached):
+    turned, nearer = reached["keys"]["turned"], reached["keys"]["nearer"]
+    assert turned.keys() == {"yaw", "pitch"}
+    assert turned["yaw"] < 0
+    assert nearer == {"zoom": pytest.approx(1.15)}
+
+
 def test_on_paper_the_picture_keeps_its_shape_and_the_legend_its_colours(reached):
     assert reached["paper"] == {"fit": "contain", "colours": ["exact", "exact"]}
 

@@ -367,6 +367,16 @@ function setDark(on) {
   drawCurves();
   changed();
 }
+function showKeys(on) {
+  $("keys").hidden = !on;
+  $("help").setAttribute("aria-expanded", on);
+}
+/** Turn and zoom the camera from its place now. */
+function moveCamera(yaw, pitch, nearer = 1) {
+  orbit.turn(yaw, pitch);
+  orbit.nearer(nearer);
+  changed();
+}
 const next = (names, now) => names[(names.indexOf(now) + 1) % names.length];
 const step = (by) => { setPlaying(false); goTo(state.frame + by); };
 
@@ -383,7 +393,7 @@ $("speed").addEventListener("change", (event) => { state.speed = Number(event.ta
 $("seeThrough").addEventListener("click", () => toggle("seeThrough"));
 $("follow").addEventListener("click", () => toggle("follow"));
 $("theme").addEventListener("click", () => setDark(!state.dark));
-$("help").addEventListener("click", () => { $("keys").hidden = !$("keys").hidden; });
+$("help").addEventListener("click", () => showKeys($("keys").hidden));
 const scrub = (event) => {
   const box = $("curves").getBoundingClientRect();
   setPlaying(false);
@@ -393,6 +403,8 @@ $("curves").addEventListener("pointerdown", (event) => { $("curves").setPointerC
 $("curves").addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
 orbit.follow(canvas, () => Math.min(canvas.clientWidth, canvas.clientHeight), changed);
 
+/** Radians by which a key turns the camera, and the factor by which it zooms. */
+const TURN = 0.1, ZOOM = 1.15;
 const keys = {
   " ": () => setPlaying(!state.playing),
   ArrowLeft: (event) => step(event.shiftKey ? -10 : -1),
@@ -406,15 +418,34 @@ const keys = {
   f: () => toggle("follow"),
   r: () => { orbit.reset(); changed(); },
   d: () => setDark(!state.dark),
+  "+": () => moveCamera(0, 0, ZOOM),
+  "=": () => moveCamera(0, 0, ZOOM),
+  "-": () => moveCamera(0, 0, 1 / ZOOM),
   "?": () => $("help").click(),
+  Escape: () => { showKeys(false); $("notes")?.removeAttribute("open"); },
 };
+/** With Shift on the picture: as a drag in the arrow's direction. */
+const turns = {
+  ArrowLeft: () => moveCamera(TURN, 0),
+  ArrowRight: () => moveCamera(-TURN, 0),
+  ArrowUp: () => moveCamera(0, -TURN),
+  ArrowDown: () => moveCamera(0, TURN),
+};
+let pointed = false;
+addEventListener("pointerdown", () => { pointed = true; }, true);
 addEventListener("keydown", (event) => {
+  pointed = false;
+  const { key, target: on } = event;
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  const act = keys[event.key.length > 1 ? event.key : event.key.toLowerCase()];
+  // a list uses all keys itself, and Space presses what has the focus
+  if (on.matches("select") || (key === " " && on.matches("button, summary"))) return;
+  const act = (event.shiftKey && on === canvas && turns[key]) || keys[key.length > 1 ? key : key.toLowerCase()];
   if (!act) return;
   event.preventDefault();
   act(event);
 });
+// after a choice by mouse the next key is meant for the viewer, not for the list
+addEventListener("change", ({ target }) => { if (pointed && target.matches("select")) target.blur(); });
 addEventListener("resize", () => { titles(); drawCurves(); changed(); });
 
 // ---- loop -------------------------------------------------------------------------------------
@@ -449,7 +480,7 @@ state.frame = mostImprovedFrame();
 setColouring(state.colouring);
 changedAt = -REST;
 render(true);
-window.geneoh = { state, scene, goTo, sharp: () => sharp };
+window.geneoh = { state, scene, orbit, goTo, sharp: () => sharp };
 document.body.dataset.ready = "yes";
 requestAnimationFrame(loop);
 })();
