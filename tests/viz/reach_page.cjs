@@ -76,7 +76,20 @@ async function byKeys(browser) {
   };
 }
 
+async function inForcedColours(browser) {
+  const page = await open(browser, { viewport: { width: 900, height: 640 }, forcedColors: "active" });
+  await ready(page, file);
+  return {
+    legend: await styled(page, "#legend i", "backgroundImage"),
+    dot: await styled(page, ".depth i", "backgroundColor"),
+    name: await styled(page, ".before .name", "color"),
+    value: await styled(page, ".after.value", "color"),
+    border: await styled(page, "[aria-pressed=true]", "borderTopWidth"),
+  };
+}
+
 inBrowser(executablePath, async (browser) => ({
+  forced: await inForcedColours(browser),
   keys: await byKeys(browser),
   ...(await onScreen(browser)),
   paper: await onPaper(browser),

@@ -196,6 +196,14 @@ def test_keys_turn_and_zoom_the_picture(reached):
     assert nearer == {"zoom": pytest.approx(1.15)}
 
 
+def test_colours_with_a_meaning_stay_where_the_user_forces_colours(reached):
+    forced = reached["forced"]
+    assert "gradient" in forced["legend"]
+    assert forced["dot"] not in ("rgb(255, 255, 255)", "rgb(0, 0, 0)")
+    assert (forced["name"], forced["value"]) == ("rgb(185, 77, 18)", "rgb(20, 99, 165)")
+    assert forced["border"] == "2px"
+
+
 def test_on_paper_the_picture_keeps_its_shape_and_the_legend_its_colours(reached):
     assert reached["paper"] == {"fit": "contain", "colours": ["exact", "exact"]}
 
