@@ -35,10 +35,19 @@ const shades = () => {
     pen.getImageData(8 + (t / last) * (plot.width - 16), 1, 1, 1).data[3] > 0);
 };
 
+/** Where the text of the time ends, and where the slider begins, pixels. */
+const columns = () => [document.getElementById("time").getBoundingClientRect().right,
+  document.getElementById("frame").getBoundingClientRect().left];
+
 async function onScreen(browser) {
   const page = await open(browser, { viewport: { width: 900, height: 640 } });
   await ready(page, file);
   const seen = { parts: await page.evaluate(parts), shades: await page.evaluate(shades) };
+  seen.columns = [];
+  for (const frame of [0, 5]) {
+    await page.evaluate((to) => geneoh.goTo(to), frame);
+    seen.columns.push(await page.evaluate(columns));
+  }
   const notes = page.locator("#notes li"), shown = () => notes.first().isVisible();
   seen.notes = { atFirst: await shown(), texts: await notes.allTextContents() };
   await page.click("#notes summary");

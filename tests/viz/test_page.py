@@ -154,9 +154,10 @@ def test_in_a_browser_it_plays_scrubs_and_switches_without_network_or_error(page
 
 @pytest.fixture(scope="module")
 def reached(scene, drive):
-    """What was seen of a body with an object and two notes, also on paper."""
+    """What was seen of a body with an object, two notes and long times, also on paper."""
     filled = torch.tensor([0, 0, 1, 1, 0, 0]).bool()
-    return drive("reach_page.cjs", page_html(replace(scene, limbs=1, filled=filled, notes=NOTES)))
+    shown = replace(scene, limbs=1, filled=filled, notes=NOTES, fps=1e-7)
+    return drive("reach_page.cjs", page_html(shown))
 
 
 def test_a_body_and_its_object_have_two_colours(reached):
@@ -173,6 +174,12 @@ def test_a_page_without_notes_has_no_list_of_them(page):
 
 def test_frames_that_were_filled_in_are_shaded_in_the_curves(reached):
     assert reached["shades"] == [False, False, True, True, False, False]
+
+
+def test_the_time_ends_before_the_slider_which_stays_in_its_place(reached):
+    (first_end, first_slider), (last_end, last_slider) = reached["columns"]
+    assert first_end <= last_end < last_slider
+    assert last_slider == first_slider
 
 
 def test_keys_are_left_to_the_control_that_has_the_focus(reached):

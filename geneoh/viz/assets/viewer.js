@@ -113,12 +113,13 @@ function partPose(part) {
 let held = null;
 /** What the camera looks at: the hands in this frame, or where they were when following ended. */
 const target = () => held ?? scene.camera.targets[state.frame];
+const timeText = (frame) => `${frame} / ${T - 1} · ${(frame / scene.fps).toFixed(2)} s`;
 function goTo(frame) {
   state.frame = Math.max(0, Math.min(T - 1, frame));
   for (const version of scene.versions)
     for (const hand of version.hands) if (hand.valid[state.frame]) poseHand(hand);
   $("frame").value = state.frame;
-  $("time").textContent = `${state.frame} / ${T - 1} · ${(state.frame / scene.fps).toFixed(2)} s`;
+  $("time").textContent = timeText(state.frame);
   showNumbers();
   changed();
 }
@@ -387,6 +388,9 @@ choices("colouring", colourings.map((n) => [n, COLOURINGS[n]]), state.colouring,
 const numbers = Array.from({ length: sampleCount }, (_, i) => [i, `Sample ${i + 1}`]);
 choices("sample", sampleCount > 1 ? [[-1, "Kept result"], ...numbers] : [], -1, (value) => setSample(Number(value)));
 $("frame").max = T - 1;
+// room for the longest text from the beginning on, so that the curves keep their width
+$("time").textContent = timeText(T - 1);
+$("time").style.minWidth = `${$("time").getBoundingClientRect().width}px`;
 $("frame").addEventListener("input", (event) => { setPlaying(false); goTo(Number(event.target.value)); });
 $("play").addEventListener("click", () => setPlaying(!state.playing));
 $("speed").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
