@@ -97,7 +97,22 @@ async function inForcedColours(browser) {
   };
 }
 
+/** As a window of 1280 by 1024 pixels at 400% zoom. */
+async function magnified(browser) {
+  const page = await open(browser, { viewport: { width: 320, height: 256 } });
+  await ready(page, file);
+  return page.evaluate(() => {
+    const end = (one) => one.getBoundingClientRect().right, panels = Array.from(document.getElementById("titles").children);
+    return {
+      overflow: getComputedStyle(document.body).overflowY,
+      wide: document.documentElement.scrollWidth,
+      beside: Math.max(...panels.map((panel) => end(panel.querySelector(".depth")) - end(panel))),
+    };
+  });
+}
+
 inBrowser(executablePath, async (browser) => ({
+  magnified: await magnified(browser),
   forced: await inForcedColours(browser),
   keys: await byKeys(browser),
   ...(await onScreen(browser)),

@@ -211,6 +211,12 @@ def test_colours_with_a_meaning_stay_where_the_user_forces_colours(reached):
     assert forced["border"] == "2px"
 
 
+def test_at_400_percent_zoom_all_can_be_scrolled_to_and_titles_keep_to_their_panels(reached):
+    assert reached["magnified"]["overflow"] == "visible"
+    assert reached["magnified"]["wide"] == 320
+    assert reached["magnified"]["beside"] < 0
+
+
 def test_on_paper_the_picture_keeps_its_shape_and_the_legend_its_colours(reached):
     assert reached["paper"] == {"fit": "contain", "colours": ["exact", "exact"]}
 
