@@ -13,7 +13,7 @@ from geneoh.sequence.windows import spread_frames
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.look import BACKGROUND, SCALES, Look
 from geneoh.viz.picture import Picture, draw
-from geneoh.viz.scene import Scene
+from geneoh.viz.scene import Scene, Version
 
 RGB = tuple[int, int, int]
 INK: RGB = (28, 32, 38)
@@ -57,9 +57,7 @@ class Canvas:
         """One frame of each version at its corner, with the time and the depth below it."""
         pictures = draw(scene, frame, camera, cell, colouring)
         for version, picture, (left, top) in zip(scene.versions, pictures, corners, strict=True):
-            depth = float(version.measures.depth[frame].nan_to_num())
-            words = f"{1000 * depth:.1f} mm deep" if depth > 0 else "not inside"
-            words = f"{frame / scene.fps:.2f} s   {words if scene.has_object else ''}"
+            words = f"{frame / scene.fps:.2f} s   {depth_words(scene, version, frame)}"
             self.paste(picture, left, top)
             self.write(words, left + 12, top + cell + 2, size=size, colour=FAINT)
 
@@ -77,6 +75,28 @@ class Canvas:
     def picture(self) -> Picture:
         """The pixels."""
         return np.asarray(self._image)
+
+
+def depth_words(scene: Scene, version: Version, frame: int) -> str:
+    """How deep the hands of a version are in the object, or that the frame has no hand."""
+    if not bool(version.measures.valid[frame]):
+        return "no hand"
+    if not scene.has_object:
+        return ""
+    depth = 1000 * float(version.measures.depth[frame])
+    return f"{depth:.1f} mm deep" if depth > 0 else "not inside"
+
+
+def end_of(words: str, width: int, size: int) -> str:
+    """The end of a line of text, with dots before it, where the whole is wider than `width`.
+
+    Names of clips often differ only in their end.
+    """
+    shown = words
+    while words and width_of(shown, size) > width:
+        words = words[1:]
+        shown = f"...{words}"
+    return shown
 
 
 def width_of(words: str, size: int = 13) -> int:
@@ -112,7 +132,8 @@ def filmstrip(scene: Scene, look: Look, on_step: OnStep | None = None) -> Pictur
     widths += [min(24 + width_of(version.title, 16), MAX_TITLE) for version in scene.versions]
     canvas = Canvas(max(widths), height + SCALE_HEIGHT * scaled)
     for index, version in enumerate(scene.versions):
-        canvas.write(version.title, 12, index * row + 8, size=16)
+        title = end_of(version.title, max(widths) - 24, 16)
+        canvas.write(title, 12, index * row + 8, size=16)
     for index, frame in enumerate(steps(frames, on_step)):
         corners = [(index * column, i * row + TITLE_HEIGHT) for i in range(len(scene.versions))]
         canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell)

@@ -13,7 +13,14 @@ from geneoh.files.atomic import in_one_step
 from geneoh.files.outputs import TAIL_MARKS
 from geneoh.progress import OnStep, steps
 from geneoh.viz.camera import cameras
-from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT, Canvas
+from geneoh.viz.canvas import (
+    CAPTION_HEIGHT,
+    SCALE_HEIGHT,
+    TITLE_HEIGHT,
+    Canvas,
+    end_of,
+    scale_width,
+)
 from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.picture import Picture
 from geneoh.viz.scene import Scene
@@ -41,13 +48,17 @@ def film_frames(
     cell += cell % 2
     height = TITLE_HEIGHT + cell + CAPTION_HEIGHT
     corners = [(index * cell, TITLE_HEIGHT) for index in range(len(scene.versions))]
+    titles = [end_of(version.title, cell - 24, 16) for version in scene.versions]
+    scaled = scene.shows(look.colouring)
+    width = max(cell * len(scene.versions), scale_width(look.colouring) if scaled else 0)
+    width += width % 2
 
     def picture_of(frame: int) -> Picture:
-        canvas = Canvas(cell * len(scene.versions), height + SCALE_HEIGHT)
-        for version, (left, _) in zip(scene.versions, corners, strict=True):
-            canvas.write(version.title, left + 12, 8, size=16)
+        canvas = Canvas(width, height + SCALE_HEIGHT)
+        for title, (left, _) in zip(titles, corners, strict=True):
+            canvas.write(title, left + 12, 8, size=16)
         canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell, size=14)
-        if scene.shows(look.colouring):
+        if scaled:
             canvas.draw_scale(look.colouring, height + 8)
         return canvas.picture()
 

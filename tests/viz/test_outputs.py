@@ -12,6 +12,8 @@ from geneoh.files.outputs import is_ours
 from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import video
+from geneoh.viz.canvas import TITLE_HEIGHT, scale_width
+from geneoh.viz.look import Look
 from geneoh.viz.outputs import write
 from geneoh.viz.scene import make_scene
 from geneoh.viz.video import ffmpeg_path, film_frames
@@ -84,6 +86,25 @@ def test_a_film_has_all_frames_and_even_sides(scene):
     frames = list(film_frames(scene, cell=65))
     assert len(frames) == scene.frames
     assert all(side % 2 == 0 for side in frames[0].shape[:2])
+
+
+def test_long_titles_of_a_film_keep_to_their_columns_and_show_their_end(scene):
+    def titles(ending):
+        first, second = (replace(v, title=f"{60 * 'x'}{ending}") for v in scene.versions)
+        film = film_frames(replace(scene, versions=(first, second)), cell=240)
+        return next(film)[:TITLE_HEIGHT]
+
+    for part in np.split(titles("_clean"), 2, axis=1):
+        assert (part[:, -8:] == part[0, 0]).all()
+    assert (titles("_clean") != titles("_noisy")).any()
+
+
+@pytest.mark.parametrize("colouring", ["penetration", "contact", "spread"])
+def test_the_scale_of_a_film_of_one_version_is_whole(scene, colouring):
+    alone = replace(scene, versions=scene.versions[:1])
+    shown = next(film_frames(alone, Look(colouring=colouring), cell=64))
+    assert shown.shape[1] % 2 == 0
+    assert shown.shape[1] >= scale_width(colouring)
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "film.gif", "cup:1.mp4"])

@@ -13,6 +13,7 @@ from geneoh.viz.canvas import (
     SCALE_HEIGHT,
     STRIP_GAP,
     TITLE_HEIGHT,
+    depth_words,
     filmstrip,
 )
 from geneoh.viz.look import Look
@@ -45,6 +46,13 @@ def test_the_hand_that_sank_is_redder_than_the_one_that_did_not(scene):
     red = [int(((row[..., 0] - row[..., 1]) > 48).sum()) for row in rows]
     assert red[0] > 20
     assert red[0] > 4 * red[1]
+
+
+def test_frames_without_a_hand_say_so(scene):
+    left = replace(scene.versions[1], hands=scene.versions[1].hands[1:])  # from the second frame on
+    assert [depth_words(scene, left, frame) for frame in (0, 1)] == ["no hand", "3.0 mm deep"]
+    alone = replace(scene, object=ObjectTrack.resting((), scene.frames))
+    assert [depth_words(alone, left, frame) for frame in (0, 1)] == ["no hand", ""]
 
 
 def test_the_same_scene_gives_the_same_picture(scene):
