@@ -10,6 +10,7 @@ from geneoh.batch.cleaning import CleaningOutcome
 from geneoh.errors import numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
+from geneoh.files.html_text import link
 from geneoh.metrics.report import LINES, format_number
 
 SUMMARY_FILES = ("summary.csv", "summary.html")
@@ -77,8 +78,8 @@ def as_table(rows: list[dict[str, Any]]) -> str:
     for row in rows:
         moved = row["moved_mm"]
         share = 100 * moved / most if most and isfinite(moved) else 0
-        link = f'<a href="{html.escape(row["file"])}">{html.escape(row["clip"])}</a>'
-        cells = [f"<th>{link}<td>{row['side']}<td>{row['frames']}<td>{format_number(moved)}"]
+        name = link(row["file"], row["clip"])
+        cells = [f"<th>{name}<td>{row['side']}<td>{row['frames']}<td>{format_number(moved)}"]
         cells.append(f"<td class=bar><i style='width:{share:.0f}%'></i>")
         for name, _, unit in LINES:
             scale = 100 if unit == "%" else 1

@@ -12,6 +12,7 @@ from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
+from geneoh.files.html_text import link
 from geneoh.files.journal import SCORED
 from geneoh.files.json_text import json_text
 from geneoh.files.outputs import keep_others
@@ -174,10 +175,7 @@ def as_page(evaluation: Evaluation) -> str:
     else:
         parts.append(f"<p>For plots: <code>{html.escape(plots.EXTRA)}</code></p>")
     if evaluation.pages:
-        links = "".join(
-            f'<li><a href="{html.escape(file)}">{html.escape(title)}</a></li>'
-            for title, file in evaluation.pages
-        )
+        links = "".join(f"<li>{link(file, title)}</li>" for title, file in evaluation.pages)
         parts.append(f"<h2>Clips in 3D</h2><ul>{links}</ul>")
     settings = html.escape(json_text(evaluation.settings, indent=1))
     parts.append(f"<details><summary>settings</summary><pre>{settings}</pre></details>")

@@ -2,12 +2,14 @@
 
 import csv
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from importlib.metadata import entry_points
+from urllib.parse import unquote, urlparse
 
 import fake_cleaning
 import pytest
@@ -53,6 +55,15 @@ def test_what_failed_is_told_and_what_moved_most_is_first(geneoh, faked, tmp_pat
     assert page.index("clip2.npz") < page.index("clip0.npz")
     assert "a &lt;note&gt;" in page
     assert "3 clips cleaned (3 hands), 6 failed" in page
+
+
+def test_results_of_any_name_are_linked(geneoh, faked, tmp_path):
+    fake_cleaning.write_clips(tmp_path / "in", 1)
+    for made in list((tmp_path / "in").iterdir()):
+        made.rename(made.with_stem("take#2 50%25 a?"))
+    geneoh("batch", "in", "-o", "out", "--jobs", "1")
+    (link,) = re.findall('href="(.*?)"', (tmp_path / "out" / "summary.html").read_text())
+    assert (tmp_path / "out" / unquote(urlparse(link).path)).is_file()
 
 
 def test_a_manifest_may_ask_for_other_options_of_a_clip(geneoh, faked, tmp_path):

@@ -37,7 +37,7 @@ def made(**changes) -> Evaluation:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    write_report(made(notes=("said besides",), pages=(("clip a", "pages/a.html"),)), folder)
+    write_report(made(notes=("said besides",), pages=(("clip <a>", "pages/a#1.html"),)), folder)
     return folder
 
 
@@ -101,7 +101,7 @@ def test_the_page_stands_alone_and_has_every_plot(folder):
     for word in ("src=", "url(http", "<script", "@import"):
         assert word not in text
     assert "c.npz: damaged &lt;again&gt;" in text
-    assert '<a href="pages/a.html">clip a</a>' in text
+    assert '<a href="pages/a%231.html">clip &lt;a&gt;</a>' in text
     assert "above the line" in text
 
 
@@ -121,7 +121,7 @@ def words_of(evaluation: Evaluation) -> str:
 
 
 def test_equal_scores_give_equal_files(folder, tmp_path):
-    again = made(notes=("said besides",), pages=(("clip a", "pages/a.html"),))
+    again = made(notes=("said besides",), pages=(("clip <a>", "pages/a#1.html"),))
     for path in write_report(again, tmp_path):
         assert path.read_bytes() == (folder / path.name).read_bytes()
 
