@@ -24,19 +24,19 @@ HEAD_RADII, HEAD_ABOVE = (0.075, 0.11, 0.09), (0.0, 0.09, 0.02)
 BONE_SIDES = 10  # points around a bone
 
 
-def mannequin(body: BodyRecording) -> ObjectTrack:
-    """The bones of a body without its hands, as rigid parts in the world frame of its file."""
+def mannequin(body: BodyRecording) -> tuple[tuple[str, ...], ObjectTrack]:
+    """The bones of a body without its hands, as rigid parts in the world frame of its file.
+
+    Returns their names, such as "left_elbow_to_left_wrist" of a forearm, and their motion.
+    """
     motion = body.file_motion
     posed = pose(body.skeleton, motion)
-    bones = [
-        (PARENTS[joint], bone(JOINT_NAMES[joint], body.skeleton.offsets[joint]))
-        for joint in range(1, BODY_JOINTS)
-        if bool(body.skeleton.offsets[joint].norm() > 1e-3)
-    ]
-    bones.append((JOINT_NAMES.index("head"), head()))
-    moved_by = [joint for joint, _ in bones]
-    meshes = tuple(mesh for _, mesh in bones)
-    return ObjectTrack(meshes, posed.rotations[:, moved_by], posed.positions[:, moved_by])
+    ends = [j for j in range(1, BODY_JOINTS) if bool(body.skeleton.offsets[j].norm() > 1e-3)]
+    moved_by = [*(PARENTS[joint] for joint in ends), JOINT_NAMES.index("head")]
+    names = [f"{JOINT_NAMES[PARENTS[joint]]}_to_{JOINT_NAMES[joint]}" for joint in ends]
+    meshes = [bone(JOINT_NAMES[joint], body.skeleton.offsets[joint]) for joint in ends]
+    rotation, translation = posed.rotations[:, moved_by], posed.positions[:, moved_by]
+    return (*names, "head"), ObjectTrack((*meshes, head()), rotation, translation)
 
 
 def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:

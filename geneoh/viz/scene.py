@@ -93,8 +93,9 @@ class Scene:
     """What is to be said about the input and its hands, as sentences."""
     body: BodyRecording | None = None
     """The body that the hands belong to, if known; its limbs are the last parts of `object`."""
-    limbs: int = 0
-    """How many parts of `object` are limbs of the body; nothing is measured against them."""
+    limbs: tuple[str, ...] = ()
+    """Names of the last parts of `object` if these are limbs of the body; nothing is measured
+    against them."""
 
     @property
     def frames(self) -> int:
@@ -116,10 +117,10 @@ class Scene:
         return quat_wxyz.numpy(), self.object.translation[:, part].numpy()
 
     def part_name(self, part: int) -> str:
-        """ "object", or "object 1", "object 2" where there are several parts; "body 1" of limbs."""
-        own = len(self.object.meshes) - self.limbs
+        """ "object", or "object 1", "object 2" of several parts; "body_head" of a limb."""
+        own = len(self.object.meshes) - len(self.limbs)
         if self.is_limb(part):
-            return f"body {part - own + 1}"
+            return f"body_{self.limbs[part - own]}"
         return f"object {part + 1}" if own > 1 else "object"
 
     def part_colour(self, part: int) -> Colour:
@@ -128,7 +129,7 @@ class Scene:
 
     def is_limb(self, part: int) -> bool:
         """Whether a part belongs to the body and not to the object."""
-        return part >= len(self.object.meshes) - self.limbs
+        return part >= len(self.object.meshes) - len(self.limbs)
 
     @property
     def up(self) -> Axis:
@@ -138,7 +139,7 @@ class Scene:
     @property
     def has_object(self) -> bool:
         """Whether there is a mesh besides the limbs of a body."""
-        return len(self.object.meshes) > self.limbs
+        return len(self.object.meshes) > len(self.limbs)
 
     def shows(self, colouring: Colouring) -> bool:
         """Whether there is data for a colouring: expected errors for "spread", else an object."""
@@ -237,9 +238,9 @@ def with_body(scene: Scene, body: BodyRecording) -> Scene:
             f"{body.source}: body and hands must have the same frames, got {body.frames} against "
             f"{scene.frames}; cut them to the same frames"
         )
-    limbs = mannequin(body)
+    names, limbs = mannequin(body)
     shown = with_parts_behind(scene.object, limbs)
-    return replace(scene, object=shown, body=body, limbs=len(limbs.meshes))
+    return replace(scene, object=shown, body=body, limbs=names)
 
 
 def with_parts_behind(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:

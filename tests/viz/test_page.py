@@ -156,7 +156,7 @@ def test_in_a_browser_it_plays_scrubs_and_switches_without_network_or_error(page
 def reached(scene, drive):
     """What was seen of a body with an object, two notes and long times, also on paper."""
     filled = torch.tensor([0, 0, 1, 1, 0, 0]).bool()
-    shown = replace(scene, limbs=1, filled=filled, notes=NOTES, fps=1e-7)
+    shown = replace(scene, limbs=("arm",), filled=filled, notes=NOTES, fps=1e-7)
     return drive("reach_page.cjs", page_html(shown))
 
 
