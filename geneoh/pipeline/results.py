@@ -197,8 +197,8 @@ def load_filled(path: Path | str) -> dict[Side, Bool[Tensor, " T"]]:
     found: dict[Side, Tensor] = {}
     for side in SIDES:
         filled = arrays.get(f"{side}_filled")
-        if filled is not None and filled.ndim == 1:
-            found[side] = torch.from_numpy(filled).bool()
+        if filled is not None and filled.dtype == bool and filled.ndim == 1:
+            found[side] = torch.from_numpy(filled)
     return found
 
 
