@@ -81,6 +81,13 @@ def test_the_page_of_a_file_has_the_filled_frames_of_the_hands_that_it_shows(seq
     assert left.notes == ()
 
 
+@pytest.mark.parametrize("other", [np.array(["no"] * 6), np.zeros((6, 2), bool), np.zeros(5, bool)])
+def test_what_is_no_mask_of_the_frames_is_not_taken_for_filled_ones(sequences, tmp_path, other):
+    alone = replace(sequences[1], object=ObjectTrack.resting((), 6))
+    save_sequence(alone, tmp_path / "two.npz", extra={"left_filled": other})
+    assert open_scene(tmp_path / "two.npz").filled is None
+
+
 @pytest.mark.parametrize("ending", [".html", ".png", ".glb"])
 def test_hands_without_an_object_are_shown_alone(sequences, tmp_path, ending):
     before, after = (
