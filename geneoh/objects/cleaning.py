@@ -140,12 +140,10 @@ def symmetry_of(mesh: Mesh) -> Symmetry:
 
 
 def is_shaky(views: Views, fps: float) -> bool:
-    """Whether the rotation or the centre of a part has more noise than an exact track, in every
-    view."""
+    """Whether the rotation or the centre of a part has more noise than an exact track."""
     bound = max(1.0, (30 / fps) ** 2)
-    turn_bound, place_bound = bound * EXACT_ROTATION, bound * EXACT_TRANSLATION
-    turns = all(view.turn_noise(quietest) > turn_bound for view in views.every)
-    return turns or all(view.place_noise(quietest) > place_bound for view in views.every)
+    turns = views.turn_noise(quietest) > bound * EXACT_ROTATION
+    return turns or views.place_noise(quietest) > bound * EXACT_TRANSLATION
 
 
 def _smoothed(
@@ -164,10 +162,7 @@ def _smoothed(
     rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
     there = steady_places(views, fps) & seen
-    noise = (
-        min(view.turn_noise() for view in turning.every),
-        min(v.place_noise() for v in views.every),
-    )
+    noise = turning.turn_noise(), views.place_noise()
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     least = max(noise[1], EXACT_TRANSLATION / 4)
     placed = steady(middles, chain.kept, least) & there

@@ -1,7 +1,8 @@
 """Distinguish motion of an object from noise of its poses: motion is shared by a hand's palm.
 
 A bottle that is shaken moves from frame to frame as much as the pose of a poor estimator. In the
-frame of the palm that shakes it, the bottle rests, whereas noise remains.
+frame of the palm that shakes it, the bottle rests, whereas noise remains. Where hand and object are
+both placed by a camera whose own pose is noisy, they jitter alike, each beside noise of its own.
 """
 
 from collections.abc import Callable
@@ -11,6 +12,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
@@ -23,6 +25,11 @@ from geneoh.sequence.sequence import HandTrack
 SHARED_REST = 0.5
 """A palm shares a change of motion if at most this share of it remains in its frame."""
 LIMIT_SLACK = 1.01  # ratio of a limit to the largest change that a palm shares
+SURELY_SHARED, SURELY_OWN = 3.0, 2.0
+"""Standard errors beyond which noise counts as shared by two tracks, and as one's own beside it."""
+CARRIED_OVER = 5.0
+"""Standard deviation in frames of the Gaussian over the place of an object in a palm, with which
+the palm's motion is carried to the object: a palm that turns moves what it holds."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,12 @@ class RigidMotion:
         return np.linalg.norm(np.diff(self.places, n=2, axis=0), axis=1)
 
 
+def world_path(rotations: Rotation) -> Float64[np.ndarray, "T 3"]:
+    """Cumulative sum of the rotations from frame to frame in world axes, radians."""
+    steps = (rotations[1:] * rotations[:-1].inv()).as_rotvec()
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
 def palm_of(hand: HandTrack) -> RigidMotion:
     """The palm of a track that is observed in at least one frame."""
     return palm_at(filled_keypoints(hand), hand.trust > 0)
@@ -86,9 +99,31 @@ def palm_at(joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]) -> R
     return RigidMotion(turns, middle, known.cpu().numpy())
 
 
+def own_noise(
+    track: Float64[np.ndarray, "T 3"],
+    other: Float64[np.ndarray, "T 3"],
+    seen: Bool[np.ndarray, " T"],
+    summary: Summary,
+) -> float:
+    """Standard deviation per axis of the white noise of a track that another one does not share.
+
+    The shared variance is a quarter of the difference between the variances of their sum and their
+    difference (Gnanadesikan and Kettenring 1972), which `noise_level` estimates robustly. What may
+    be chance does not count: neither noise as shared, nor the rest as noise of the track.
+    """
+    whole, others = noise_level(track, seen, summary), noise_level(other, seen, summary)
+    alike, unlike = (noise_level(t, seen, summary) for t in (track + other, track - other))
+    shared, chance = (alike**2 - unlike**2) / 4, 1 / np.sqrt(max(seen.sum(), 1))
+    if shared <= SURELY_SHARED * chance * whole * others:
+        return whole
+    rest = whole**2 - shared
+    doubt = chance * np.sqrt(shared * max(others**2 - shared, 0))
+    return float(np.sqrt(rest)) if rest > SURELY_OWN * doubt else 0.0
+
+
 @dataclass(frozen=True)
 class Views:
-    """The motion of a part in the world frame and in the frames of palms."""
+    """The motion of a part in the world frame, and the palms from which it is seen."""
 
     world: RigidMotion
     palms: tuple[RigidMotion, ...]
@@ -96,13 +131,29 @@ class Views:
     @classmethod
     def of(cls, world: RigidMotion, palms: tuple[RigidMotion, ...]) -> "Views":
         """The views of a motion in the world and from palms that are seen long enough."""
-        return cls(world, tuple(v for palm in palms if (v := world.as_seen_from(palm)).is_long))
+        return cls(world, tuple(palm for palm in palms if world.as_seen_from(palm).is_long))
 
-    @property
-    def every(self) -> tuple[RigidMotion, ...]:
-        """All views. The least noise over views is the part's, since a palm's view adds the hand's
-        noise."""
-        return self.world, *self.palms
+    def turn_noise(self, summary: Summary = np.median) -> float:
+        """Standard deviation per axis of the part's own rotational white noise, radians: the least
+        over all views, since a palm's view adds the hand's noise."""
+        path = world_path(self.world.turns)
+        found = [self.world.turn_noise(summary)]
+        for palm in self.palms:
+            view = self.world.as_seen_from(palm)
+            shared = own_noise(path, world_path(palm.turns), view.seen, summary)
+            found += [view.turn_noise(summary), shared]
+        return min(found)
+
+    def place_noise(self, summary: Summary = np.median) -> float:
+        """The same of the position, metres."""
+        found = [self.world.place_noise(summary)]
+        for palm in self.palms:
+            view = self.world.as_seen_from(palm)
+            held = gaussian_filter1d(view.places, CARRIED_OVER, axis=0, mode="nearest")
+            carried = palm.places + palm.turns.apply(held)
+            shared = own_noise(self.world.places, carried, view.seen, summary)
+            found += [view.place_noise(summary), shared]
+        return min(found)
 
     def limit(
         self, usual: float, changes: Callable[[RigidMotion], Float64[np.ndarray, " N"]]
@@ -112,7 +163,8 @@ class Views:
         world, found = changes(self.world), usual
         if LIMIT_SLACK * world.max(initial=0) <= usual:
             return usual
-        for view in self.palms:
+        for palm in self.palms:
+            view = self.world.as_seen_from(palm)
             shared = changes(view) < np.maximum(usual, SHARED_REST * world)
             shared &= sliding_window_view(view.seen, 3).all(1)
             found = max(found, float(LIMIT_SLACK * world[shared].max(initial=0)))

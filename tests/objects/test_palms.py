@@ -66,6 +66,36 @@ def test_an_object_that_a_hand_shakes_stays_as_it_is(hertz, degrees):
     torch.testing.assert_close(clean.rotation, motion.rotation, atol=0.04, rtol=0)
 
 
+def seen_by_a_shaking_camera(motion: ObjectTrack, palm: RigidMotion) -> tuple:
+    """Object and palm, both with the noise of the camera's pose, 0.01 rad and 10 mm."""
+    draws = np.random.default_rng(3)
+    turn = Rotation.from_rotvec(0.01 * draws.standard_normal((FRAMES, 3)))
+    shift = 0.01 * draws.standard_normal((FRAMES, 3))
+    rotation = torch.from_numpy(turn.as_matrix()).float()[:, None]
+    places = turn.apply(motion.translation[:, 0].double().numpy()) + shift
+    palm = replace(palm, turns=turn * palm.turns, places=turn.apply(palm.places) + shift)
+    translation = torch.from_numpy(places).float()[:, None]
+    return replace(motion, rotation=rotation @ motion.rotation, translation=translation), palm
+
+
+@pytest.mark.parametrize("noise", [0.0005, 0.004])
+def test_jitter_of_the_camera_that_the_hand_shares_is_no_noise_of_the_object(noise):
+    motion = bottle(0.5, 20.0)
+    given, palm = seen_by_a_shaking_camera(motion, palm_on(motion, noise))
+    assert clean_object(given, FPS)[1].is_noisy.all()
+    clean, found = clean_object(given, FPS, (palm,))
+    assert clean is given
+    assert not list(found.sentences())
+
+
+def test_noise_beside_the_jitter_of_the_camera_is_found():
+    motion = bottle(0.5, 20.0)
+    given, palm = seen_by_a_shaking_camera(noisy(motion, 5.0, 0.01), palm_on(motion, 0.004))
+    found = clean_object(given, FPS, (palm,))[1].white_noise
+    want = torch.tensor([np.radians(5.0), 0.01]).float()
+    torch.testing.assert_close(found, want, rtol=0.3, atol=0)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_noise_of_an_object_is_found_whether_a_hand_holds_it_or_not(noise):
     motion = bottle(0.5, 20.0)

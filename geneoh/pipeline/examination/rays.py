@@ -25,6 +25,10 @@ proportion to the square of the time between frames, and the bound is scaled by 
 CHANCE = 10.0
 """With N differences, the variance along the ray must be at least `1 + CHANCE / sqrt(N)` times the
 next one. Isotropic noise exceeds this bound in one of fifty tracks of 120 frames."""
+FOURTH_SHARE = 0.7
+"""Share of that excess over 1 that fourth differences must show too, along the same direction."""
+ALIKE = 0.9
+"""Least cosine between directions that count as the same."""
 MOST_COUNTED = 600
 """Number of differences beyond which the bound stays constant, at a variance ratio of 1.41 or a
 ratio of standard deviations of 1.19. Synthetic clips have 1.6 to 2.4 under camera noise; isotropic
@@ -59,28 +63,51 @@ class FoundRay:
 def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | None:
     """The camera ray estimated from a hand's jitter, constant over frames; None if not significant.
 
-    Jitter is measured in the frame in which the palm moves least, the world or an object part, so
-    that the motion of a hand with its object is not taken for noise.
+    An error along the ray moves the whole palm: wrist and knuckles must jitter most along the same
+    direction, unlike under noise of the rotation. So must fourth differences, unlike those of a
+    hand that moves fast to and fro.
     """
     points, known = palm_points(filled_keypoints(hand), hand.trust > 0)
-    middle = points.mean(1)
-    views = [(bends(middle, known, 2), bends(middle, known, 4))]
-    for part in motion.seen_parts:
-        seen = motion.seen_from(part, middle[:, None])[:, 0]
-        turns = motion.rotation[:, part]
-        views.append((bends(seen, known, 2, turns), bends(seen, known, 4, turns)))
-    second, fourth = min(views, key=lambda view: float(view[0].norm(dim=-1).nanmedian()))
+    second, fourth = jitter_of(points.mean(1), known, motion)
     if len(fourth) < LEAST_FRAMES:
         return None
-    variance, axes = torch.linalg.eigh(scatter(second))
-    direction, ratio = axes[:, -1], float(variance[-1] / variance[-2])
+    direction, ratio = strongest(second)
+    of_fourth, ratio_of_fourth = strongest(fourth)
     jitter = float((second @ direction).abs().median()) / NORMAL_MEDIAN
     white = float((fourth @ direction).abs().median()) / NORMAL_MEDIAN
     least = LEAST_JITTER * max(1.0, 30 / fps) ** 2
-    significant = 1 + CHANCE / sqrt(min(len(second), MOST_COUNTED))
-    if ratio < significant or white < max(least, WHITE * jitter):
+    significant = CHANCE / sqrt(min(len(second), MOST_COUNTED))
+    if ratio < 1 + significant or white < max(least, WHITE * jitter):
         return None
-    return FoundRay(direction.to(middle), sqrt(ratio))
+    of_wrist, of_knuckles = (
+        strongest(jitter_of(place, known, motion)[0])[0]
+        for place in (points[:, 0], points[:, 1:].mean(1))
+    )
+    others = torch.stack([of_fourth, of_wrist, of_knuckles])
+    alike = bool(((others @ direction).abs() > ALIKE).all())
+    if not alike or ratio_of_fourth < 1 + FOURTH_SHARE * significant:
+        return None
+    return FoundRay(direction.to(points), sqrt(ratio))
+
+
+def jitter_of(
+    places: Float[Tensor, "T 3"], known: Bool[Tensor, " T"], motion: ObjectTrack
+) -> tuple[Float64[Tensor, "N 3"], Float64[Tensor, "M 3"]]:
+    """Second and fourth differences of a place of the hand over its known frames, see `bends`, in
+    the frame in which it moves least, the world or an object part: the motion of a hand with its
+    object is not noise."""
+    views = [(bends(places, known, 2), bends(places, known, 4))]
+    for part in motion.seen_parts:
+        seen = motion.seen_from(part, places[:, None])[:, 0]
+        turns = motion.rotation[:, part]
+        views.append((bends(seen, known, 2, turns), bends(seen, known, 4, turns)))
+    return min(views, key=lambda view: float(view[0].norm(dim=-1).nanmedian()))
+
+
+def strongest(jitter: Float64[Tensor, "N 3"]) -> tuple[Float64[Tensor, " 3"], float]:
+    """The direction of largest variance, and its ratio to the second largest one."""
+    variance, axes = torch.linalg.eigh(scatter(jitter))
+    return axes[:, -1], float(variance[-1] / variance[-2])
 
 
 def with_found_rays(sequence: Sequence, chosen: Preset) -> tuple[Sequence, list[str]]:

@@ -105,6 +105,34 @@ def test_smooth_motion_along_a_line_is_no_noise():
     assert found_ray(replace(hand, joints=hand.joints + place[:, None]), world(), 30.0) is None
 
 
+def rays_found(hands: list[HandTrack]) -> int:
+    return sum(found_ray(hand, world(), 30.0) is not None for hand in hands)
+
+
+def test_noise_of_the_rotation_alone_tells_none():
+    def turned(seed: int) -> HandTrack:
+        turn = 0.1 * torch.randn(FRAMES, 3, generator=torch.Generator().manual_seed(seed))
+        hand = still()
+        wrist = hand.joints[:, :1]
+        return replace(hand, joints=wrist + (hand.joints - wrist) @ axis_angle_to_matrix(turn).mT)
+
+    assert rays_found([turned(seed) for seed in range(10)]) == 0
+
+
+def test_a_hand_that_pats_fast_tells_none():
+    lift = 0.02 * torch.sin(2 * math.pi * 4 * torch.arange(FRAMES) / 30)[:, None] * RAY
+    hands = [shaken(still(), 0.004, 0.004, seed) for seed in range(10)]
+    patting = [replace(hand, joints=hand.joints + lift[:, None]) for hand in hands]
+    assert rays_found(patting) <= 1
+
+
+def test_the_ray_of_a_camera_is_nearly_always_found(clean):
+    draws = [torch.Generator().manual_seed(seed) for seed in range(10)]
+    told = [without_rays(corrupt_sequence(clean, "camera", generator=draw)) for draw in draws]
+    found = [found_ray(one.hands[0], one.object, one.fps) for one in told]
+    assert sum(ray is not None for ray in found) >= 9
+
+
 @pytest.mark.parametrize("fps", [10.0, 15.0, 30.0])
 def test_motion_at_few_frames_a_second_is_no_noise(clean, fps):
     slow = at_rate(clean, fps)
