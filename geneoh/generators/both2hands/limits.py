@@ -20,6 +20,9 @@ from geneoh.hand.library import load_hand
 
 ALLOWED = 0.1
 """Tolerance beyond a limit, on one axis, up to which a joint counts as inside, radians."""
+FASTEST = math.radians(25)
+"""Rotation of a joint from frame to frame, at 30 frames a second, that counts as a leap, radians.
+Joints turn by up to 11 degrees where hands snap or clench their fingers, by 30 where they count."""
 DEVIATION = 3.0
 """Standard deviation of the Gaussian over time that smooths a corrected joint, frames."""
 
@@ -44,9 +47,10 @@ class FingerRange(Bundle):
 
 
 def within_limits(fingers: Float[Tensor, "T 30 3 3"]) -> Float[Tensor, "T 30 3 3"]:
-    """Finger rotations of both hands; joints that exceed their limits are clamped and smoothed.
+    """Finger rotations of both hands; joints that exceed their limits, or leap between frames, are
+    clamped and smoothed.
 
-    Joints that are inside in all frames stay exactly as they are.
+    All other joints stay exactly as they are.
     """
     limits, turned = FingerRange.of_hands().to(fingers.device), matrix_to_axis_angle(fingers)
     angle = turned.norm(dim=-1, keepdim=True).clamp(min=1e-6)
@@ -54,5 +58,6 @@ def within_limits(fingers: Float[Tensor, "T 30 3 3"]) -> Float[Tensor, "T 30 3 3
     nearer = limits.beyond(other_way) < limits.beyond(turned)
     held = torch.where(nearer[..., None], other_way, turned).clamp(limits.low, limits.high)
     held = smoothed_clips(held.flatten(1)[None], DEVIATION)[0].reshape_as(held)
-    ill = (limits.beyond(turned) > ALLOWED).any(0)
+    steps = matrix_to_axis_angle(fingers[:-1].mT @ fingers[1:]).norm(dim=-1)
+    ill = (limits.beyond(turned) > ALLOWED).any(0) | (steps > FASTEST).any(0)
     return torch.where(ill[:, None, None], axis_angle_to_matrix(held), fingers)

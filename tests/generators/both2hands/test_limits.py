@@ -38,6 +38,14 @@ def test_a_bone_that_goes_through_the_back_of_the_hand_stays_in_the_limits_and_d
     torch.testing.assert_close(found[-1, 2], torch.tensor(1.5), atol=0.1, rtol=0)
 
 
+def test_a_joint_that_leaps_inside_its_limits_is_smoothed():
+    leaping = bending(*[0.1] * 20, *[1.0] * 20)
+    found = within_limits(leaping)
+    steps = matrix_to_axis_angle(found[:-1].mT @ found[1:]).norm(dim=-1)
+    assert float(steps.max()) < math.radians(10)
+    torch.testing.assert_close(found[[0, -1]], leaping[[0, -1]], atol=0.02, rtol=0)
+
+
 def test_single_frames_are_brought_back_too():
     found = matrix_to_axis_angle(within_limits(bending(-0.9)))
     assert float(found[0, RING3, 2]) > -0.5
