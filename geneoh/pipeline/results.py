@@ -107,15 +107,22 @@ class Denoised(Bundle):
         """The chosen frames; a step of n divides the frame rate by n."""
         return replace(super().__getitem__(frames), sequence=self.sequence[frames])
 
+    def sentences(self) -> tuple[str, ...]:
+        """Doubts about the input and notes on it and its hands, each once."""
+        of_hands = (
+            f"{side} hand: {note}" for side, hand in self.hands.items() for note in hand.notes
+        )
+        return tuple(dict.fromkeys((*self.doubts, *self.notes, *of_hands)))
+
     def extra_arrays(self) -> Arrays:
-        """`options`, the settings as JSON; `object_confidence` (T, Q), how much the object's poses
-        agree with one another; and per side `filled` (T,), frames without a hand in the input;
-        `finger_contact` (T, 5), the probability that each finger touches the object; and, if
-        several samples were drawn, `samples` (S, N, 21, 3), their keypoints in metres at 30 frames
-        a second before selection and fit.
+        """`options`, the settings as JSON; `notes` (N,), the `sentences`; `object_confidence`
+        (T, Q), how much the object's poses agree with one another; and per side `filled` (T,),
+        frames without a hand in the input; `finger_contact` (T, 5), the probability that each
+        finger touches the object; and, if several samples were drawn, `samples` (S, N, 21, 3),
+        their keypoints in metres at 30 frames a second before selection and fit.
         """
         options = json.dumps(asdict(self.options), default=str)
-        arrays: Arrays = {"options": np.array(options)}
+        arrays: Arrays = {"options": np.array(options), "notes": np.array(self.sentences(), str)}
         if self.examined is not None:
             arrays["object_confidence"] = self.examined.confidence.detach().cpu().numpy()
         for side, hand in self.hands.items():
@@ -200,6 +207,13 @@ def load_filled(path: Path | str) -> dict[Side, Bool[Tensor, " T"]]:
         if filled is not None and filled.dtype == bool and filled.ndim == 1:
             found[side] = torch.from_numpy(filled)
     return found
+
+
+def load_notes(path: Path | str) -> tuple[str, ...]:
+    """The `Denoised.sentences` of a saved result, or the notes of a generator; empty if unknown."""
+    notes = kept_arrays(path).get("notes")
+    known = notes is not None and notes.dtype.kind == "U" and notes.ndim == 1
+    return tuple(notes.tolist()) if known else ()
 
 
 def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:

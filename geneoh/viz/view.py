@@ -24,6 +24,7 @@ from geneoh.pipeline.results import (
     Result,
     load_confidence,
     load_filled,
+    load_notes,
     load_samples,
 )
 from geneoh.progress import OnStep
@@ -197,13 +198,10 @@ def filled_of(result: Viewable, scene: Scene) -> dict[Side, Bool[Tensor, " T"]]:
 
 
 def notes_of(result: Viewable) -> tuple[str, ...]:
-    """Doubts about the input and notes on it and its hands, each once; a file keeps none."""
-    if not isinstance(result, Denoised):
-        return ()
-    of_hands = (
-        f"{side} hand: {note}" for side, hand in result.hands.items() for note in hand.notes
-    )
-    return tuple(dict.fromkeys((*result.doubts, *result.notes, *of_hands)))
+    """What a result or its file says about its input, as sentences; empty if unknown."""
+    if isinstance(result, Path | str):
+        return load_notes(Path(result))
+    return result.sentences() if isinstance(result, Denoised) else ()
 
 
 def filled_notes(filled: dict[Side, Bool[Tensor, " T"]]) -> Iterator[str]:

@@ -16,6 +16,7 @@ from PIL import Image
 
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.pipeline.options import Options
+from geneoh.pipeline.results import load_notes
 from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
@@ -68,6 +69,8 @@ def test_a_page_has_the_notes_of_a_result_and_the_frames_that_were_filled_in(
         "right hand: a &lt;note&gt;",
         "right hand: 3 unobserved frames filled in, shaded behind the curves",
     ]
+    save_sequence(one, tmp_path / "a.npz", extra=result.extra_arrays())
+    assert load_notes(tmp_path / "a.npz") == ("odd", "seen", "right hand: a <note>")
 
 
 def test_the_page_of_a_file_has_the_filled_frames_of_the_hands_that_it_shows(sequences, tmp_path):

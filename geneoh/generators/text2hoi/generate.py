@@ -101,11 +101,12 @@ class Generated:
     __repr__ = repr_by_shapes
 
     def extra_arrays(self) -> Arrays:
-        """`contact` (V,), `prompt` and `verb`, for `geneoh.save`."""
+        """`contact` (V,), `prompt`, `verb` and `notes` (N,), for `geneoh.save`."""
         return {
             "contact": self.contact.numpy(),
             "prompt": np.array(self.prompt.sentence),
             "verb": np.array(self.prompt.verb),
+            "notes": np.array(self.prompt.notes, str),
         }
 
 
