@@ -85,9 +85,10 @@ class BodyWithHands:
         return max(float(each.norm(dim=-1).max()) for each in change)
 
     def extra_arrays(self) -> Arrays:
-        """The body by smplx names (`geneoh.readers.bodies.smpl.body_fields`) and `prompt`, for
-        `geneoh.save`."""
-        return body_fields(self.body) | {"prompt": np.array(self.sentence)}
+        """The body by smplx names (`geneoh.readers.bodies.smpl.body_fields`), `prompt` and `notes`
+        (N,), for `geneoh.save`."""
+        notes = np.array(self.body.notes, str)
+        return body_fields(self.body) | {"prompt": np.array(self.sentence), "notes": notes}
 
 
 @checked_call

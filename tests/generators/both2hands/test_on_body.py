@@ -111,6 +111,7 @@ def test_a_file_holds_hands_and_body_and_can_be_given_again(asked, tmp_path):
     )
     with np.load(tmp_path / "hands.npz") as data:
         assert str(data["prompt"]) == "both hands close"
+        assert tuple(data["notes"]) == made.body.notes
     shown = [
         read_body(geneoh.view(result, tmp_path / f"{name}.bvh")).motion.rotations
         for name, result in {"made": made, "saved": tmp_path / "hands.npz"}.items()

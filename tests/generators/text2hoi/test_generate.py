@@ -104,6 +104,7 @@ def test_the_file_is_a_sequence_with_contact_at_the_vertices_and_the_sentence(mu
         assert ((arrays["contact"] >= 0) & (arrays["contact"] <= 1)).all()
         assert str(arrays["prompt"]) == "Lift the mug with the left hand."
         assert str(arrays["verb"]) == "lift"
+        assert tuple(arrays["notes"]) == made.prompt.notes
 
 
 def test_the_object_stands_on_the_table_as_it_was_asked_to(mug, monkeypatch):
