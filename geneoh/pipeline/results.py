@@ -212,8 +212,9 @@ def load_filled(path: Path | str) -> dict[Side, Bool[Tensor, " T"]]:
 def load_notes(path: Path | str) -> tuple[str, ...]:
     """The `Denoised.sentences` of a saved result, or the notes of a generator; empty if unknown."""
     notes = kept_arrays(path).get("notes")
-    known = notes is not None and notes.dtype.kind == "U" and notes.ndim == 1
-    return tuple(notes.tolist()) if known else ()
+    if notes is None or notes.dtype.kind != "U" or notes.ndim != 1:
+        return ()
+    return tuple(notes.tolist())
 
 
 def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:
