@@ -92,19 +92,16 @@ def _correction(
     `UNIT` as standard deviations, and heights are measured with `config.deviation`.
     """
     joints, turn = hand.posed
-    order = list(MANO_FROM_OPENPOSE)
-    mano = joints[..., order, :]
-    moved, by = MOVES_KEYPOINT.to(mano.device).unbind(1)
+    centers = joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
+    moved, by = MOVES_KEYPOINT.to(joints.device).unbind(1)
     # turning joint j by w in its own frame moves a point p by (G_j w) x (p - p_j)
     lever = torch.linalg.cross(
-        mano[..., moved, :] - mano[..., by, :], normal[..., order, :][..., moved, :], dim=-1
+        joints[..., moved, :] - centers[..., by, :], normal[..., moved, :], dim=-1
     )
-    rotate = mano.new_zeros(*mano.shape[:-1], 16, 3)
+    rotate = joints.new_zeros(*joints.shape[:-1], 16, 3)
     rotate[..., moved, by, :] = (lever[..., None, :] @ turn[..., by, :, :])[..., 0, :]
-    shift = normal[..., order, :]
-    slope = torch.cat([shift, rotate.flatten(-2)], -1) * mano.new_tensor(UNIT)
-    slope = slope * weight[..., order, None]
-    wanted = (missing * weight)[..., order, None]
+    slope = torch.cat([normal, rotate.flatten(-2)], -1) * joints.new_tensor(UNIT)
+    slope, wanted = slope * weight[..., None], (missing * weight)[..., None]
     system = slope @ slope.mT + config.deviation**2 * torch.eye(21).to(slope)
     return (slope.mT @ torch.linalg.solve(system, wanted))[..., 0]
 
