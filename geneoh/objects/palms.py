@@ -140,8 +140,8 @@ class Views:
         found = [self.world.turn_noise(summary)]
         for palm in self.palms:
             view = self.world.as_seen_from(palm)
-            shared = own_noise(path, world_path(palm.turns), view.seen, summary)
-            found += [view.turn_noise(summary), shared]
+            own = own_noise(path, world_path(palm.turns), view.seen, summary)
+            found += [view.turn_noise(summary), own]
         return min(found)
 
     def place_noise(self, summary: Summary = np.median) -> float:
@@ -151,8 +151,8 @@ class Views:
             view = self.world.as_seen_from(palm)
             held = gaussian_filter1d(view.places, CARRIED_OVER, axis=0, mode="nearest")
             carried = palm.places + palm.turns.apply(held)
-            shared = own_noise(self.world.places, carried, view.seen, summary)
-            found += [view.place_noise(summary), shared]
+            own = own_noise(self.world.places, carried, view.seen, summary)
+            found += [view.place_noise(summary), own]
         return min(found)
 
     def limit(

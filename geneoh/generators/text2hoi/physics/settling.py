@@ -166,8 +166,8 @@ def kept_pose(
     """A hand that is in the pose `held` from the first to the last of `frames`.
 
     If the `hold` is longer, the correction at these frames applies to all of it, and fades out on
-    the ways to and from the hold. Outside of `frames`, and less near them, the hand is
-    pushed out of the object, the table and the other hand.
+    the ways to and from the hold. Outside of `frames`, and less near them, the hand is pushed out
+    of the object, the table and the other hand.
     """
     share = _fading(hold, len(hand.wrist))[:, None]
     end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
