@@ -78,8 +78,8 @@ def as_table(rows: list[dict[str, Any]]) -> str:
     for row in rows:
         moved = row["moved_mm"]
         share = 100 * moved / most if most and isfinite(moved) else 0
-        name = link(row["file"], row["clip"])
-        cells = [f"<th>{name}<td>{row['side']}<td>{row['frames']}<td>{format_number(moved)}"]
+        linked = link(row["file"], row["clip"])
+        cells = [f"<th>{linked}<td>{row['side']}<td>{row['frames']}<td>{format_number(moved)}"]
         cells.append(f"<td class=bar><i style='width:{share:.0f}%'></i>")
         for name, _, unit in LINES:
             scale = 100 if unit == "%" else 1

@@ -123,23 +123,26 @@ def own_noise(
 
 @dataclass(frozen=True)
 class Views:
-    """The motion of a part in the world frame, and the palms from which it is seen."""
+    """The motion of a part in the world frame, the palms from which it is seen, and its motion in
+    the frame of each."""
 
     world: RigidMotion
     palms: tuple[RigidMotion, ...]
+    from_palms: tuple[RigidMotion, ...]
 
     @classmethod
     def of(cls, world: RigidMotion, palms: tuple[RigidMotion, ...]) -> "Views":
         """The views of a motion in the world and from palms that are seen long enough."""
-        return cls(world, tuple(palm for palm in palms if world.as_seen_from(palm).is_long))
+        views = [(palm, world.as_seen_from(palm)) for palm in palms]
+        long = [(palm, view) for palm, view in views if view.is_long]
+        return cls(world, tuple(palm for palm, _ in long), tuple(view for _, view in long))
 
     def turn_noise(self, summary: Summary = np.median) -> float:
         """Standard deviation per axis of the part's own rotational white noise, radians: the least
         over all views, since a palm's view adds the hand's noise."""
         path = world_path(self.world.turns)
         found = [self.world.turn_noise(summary)]
-        for palm in self.palms:
-            view = self.world.as_seen_from(palm)
+        for palm, view in zip(self.palms, self.from_palms, strict=True):
             own = own_noise(path, world_path(palm.turns), view.seen, summary)
             found += [view.turn_noise(summary), own]
         return min(found)
@@ -147,8 +150,7 @@ class Views:
     def place_noise(self, summary: Summary = np.median) -> float:
         """The same of the position, metres."""
         found = [self.world.place_noise(summary)]
-        for palm in self.palms:
-            view = self.world.as_seen_from(palm)
+        for palm, view in zip(self.palms, self.from_palms, strict=True):
             held = gaussian_filter1d(view.places, CARRIED_OVER, axis=0, mode="nearest")
             carried = palm.places + palm.turns.apply(held)
             own = own_noise(self.world.places, carried, view.seen, summary)
@@ -163,8 +165,7 @@ class Views:
         world, found = changes(self.world), usual
         if LIMIT_SLACK * world.max(initial=0) <= usual:
             return usual
-        for palm in self.palms:
-            view = self.world.as_seen_from(palm)
+        for view in self.from_palms:
             shared = changes(view) < np.maximum(usual, SHARED_REST * world)
             shared &= sliding_window_view(view.seen, 3).all(1)
             found = max(found, float(LIMIT_SLACK * world[shared].max(initial=0)))

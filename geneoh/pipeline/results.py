@@ -186,10 +186,9 @@ def kept_arrays(path: Path | str) -> Arrays:
     return read_archive(Path(path)) if Path(path).suffix.lower() == ".npz" else {}
 
 
-def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
-    """Keypoints of the samples in a saved result, by side, at 30 frames a second; empty if it has
-    none."""
-    arrays = kept_arrays(path)
+def kept_samples(arrays: Arrays) -> dict[Side, Float[Tensor, "S N 21 3"]]:
+    """Keypoints of the samples among the arrays of a result, by side, at 30 frames a second; empty
+    if there are none."""
     found: dict[Side, Tensor] = {}
     for side in SIDES:
         drawn = arrays.get(f"{side}_samples")
@@ -198,9 +197,8 @@ def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
     return found
 
 
-def load_filled(path: Path | str) -> dict[Side, Bool[Tensor, " T"]]:
-    """Frames of each hand in a saved result that its input lacked, by side; empty if unknown."""
-    arrays = kept_arrays(path)
+def kept_filled(arrays: Arrays) -> dict[Side, Bool[Tensor, " T"]]:
+    """Frames of each hand of a result that its input lacked, by side; empty if unknown."""
     found: dict[Side, Tensor] = {}
     for side in SIDES:
         filled = arrays.get(f"{side}_filled")
@@ -209,15 +207,15 @@ def load_filled(path: Path | str) -> dict[Side, Bool[Tensor, " T"]]:
     return found
 
 
-def load_notes(path: Path | str) -> tuple[str, ...]:
-    """The `Denoised.sentences` of a saved result, or the notes of a generator; empty if unknown."""
-    notes = kept_arrays(path).get("notes")
+def kept_notes(arrays: Arrays) -> tuple[str, ...]:
+    """The `Denoised.sentences` of a result, or the notes of a generator; empty if unknown."""
+    notes = arrays.get("notes")
     if notes is None or notes.dtype.kind != "U" or notes.ndim != 1:
         return ()
     return tuple(notes.tolist())
 
 
-def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:
-    """The confidence of the object's poses in a saved result; None if it has none."""
-    kept = kept_arrays(path).get("object_confidence")
+def kept_confidence(arrays: Arrays) -> Float[Tensor, "T Q"] | None:
+    """The confidence of the object's poses of a result; None if it is unknown."""
+    kept = arrays.get("object_confidence")
     return None if kept is None or kept.ndim != 2 else torch.from_numpy(kept).float()

@@ -53,13 +53,15 @@ def shots_of(
     steps = leaps / np.diff(seen)
     likely = np.flatnonzero(steps > CUT_LEAP * max(1.0, 30 / fps)).tolist()
     lasting, even = math.ceil(SHOT_SECONDS * fps), max(FEWEST_EVEN, round(EVEN_SECONDS * fps))
-    leaps = [
+    possible = [
         (int(seen[last]), int(seen[last + 1]))
         for last in likely
         if is_cut(place, steps, last, lasting)
     ]
     paths = list(beside)
-    cuts = [new for old, new in leaps if not any(goes_on(path, old, new, even) for path in paths)]
+    cuts = [
+        new for old, new in possible if not any(goes_on(path, old, new, even) for path in paths)
+    ]
     return [slice(start, stop) for start, stop in pairwise([0, *cuts, hand.frames])]
 
 

@@ -16,16 +16,18 @@ from geneoh.choices import STRIP_CELL, Axis, Colouring, Side
 from geneoh.config import as_field_type
 from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.files.atomic import write_whole
+from geneoh.files.npz import Arrays
 from geneoh.hand.mano import refuse_without_mano
 from geneoh.modes import undisturbed
 from geneoh.pipeline.results import (
     FROM_ARRAYS,
     Denoised,
     Result,
-    load_confidence,
-    load_filled,
-    load_notes,
-    load_samples,
+    kept_arrays,
+    kept_confidence,
+    kept_filled,
+    kept_notes,
+    kept_samples,
 )
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.read import own_body
@@ -159,49 +161,41 @@ def open_scene(
         body = own_body(Path(result))
     else:
         body = getattr(result, "body", None)  # that of `geneoh.generate_on_body`
+    kept = arrays_of(result)
     scene = make_scene(
-        sequences, title=title, samples=_samples(result), mano_dir=mano_dir, body=body
+        sequences, title=title, samples=kept_samples(kept), mano_dir=mano_dir, body=body
     )
-    filled = filled_of(result, scene)
+    filled = filled_of(kept, scene)
     return replace(
         scene,
-        object_confidence=confidence_of(result),
+        object_confidence=confidence_of(kept),
         filled=torch.stack(list(filled.values())).any(0) if filled else None,
-        notes=(*notes_of(result), *filled_notes(filled)),
+        notes=(*kept_notes(kept), *filled_notes(filled)),
     )
 
 
-def confidence_of(result: Viewable) -> Float[Tensor, " T"] | None:
-    """Least confidence in the poses of the parts in each frame; None if unknown or 1 throughout."""
-    found = None
+def arrays_of(result: Viewable) -> Arrays:
+    """What a result of cleaning, or a file, holds beside its sequence; empty for others."""
     if isinstance(result, Path | str):
-        found = load_confidence(Path(result))
-    elif isinstance(result, Denoised) and result.examined is not None:
-        found = result.examined.confidence
-    least = None if found is None else found.amin(1).cpu()
+        return kept_arrays(result)
+    return result.extra_arrays() if isinstance(result, Denoised) else {}
+
+
+def confidence_of(kept: Arrays) -> Float[Tensor, " T"] | None:
+    """Least confidence in the poses of the parts in each frame; None if unknown or 1 throughout."""
+    found = kept_confidence(kept)
+    least = None if found is None else found.amin(1)
     return None if least is None or bool((least == 1).all()) else least
 
 
-def filled_of(result: Viewable, scene: Scene) -> dict[Side, Bool[Tensor, " T"]]:
+def filled_of(kept: Arrays, scene: Scene) -> dict[Side, Bool[Tensor, " T"]]:
     """Frames that the input lacked, for each hand of the scene of which they are known."""
-    found: dict[Side, Bool[Tensor, " T"]] = {}
-    if isinstance(result, Path | str):
-        found = load_filled(Path(result))
-    elif isinstance(result, Denoised):
-        found = {side: hand.filled.cpu() for side, hand in result.hands.items()}
     shown = {hand.side for hand in scene.versions[-1].hands}
     return {
         side: filled
-        for side, filled in found.items()
+        for side, filled in kept_filled(kept).items()
         if side in shown and len(filled) == scene.frames
     }
-
-
-def notes_of(result: Viewable) -> tuple[str, ...]:
-    """What a result or its file says about its input, as sentences; empty if unknown."""
-    if isinstance(result, Path | str):
-        return load_notes(Path(result))
-    return result.sentences() if isinstance(result, Denoised) else ()
 
 
 def filled_notes(filled: dict[Side, Bool[Tensor, " T"]]) -> Iterator[str]:
@@ -210,17 +204,6 @@ def filled_notes(filled: dict[Side, Bool[Tensor, " T"]]) -> Iterator[str]:
         if count := int(frames.sum()):
             what = numbered(count, "unobserved frame")
             yield f"{side} hand: {what} filled in, shaded behind the curves"
-
-
-def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:
-    """Keypoints of the diffusion samples per side; empty where fewer than two are stored."""
-    if isinstance(result, Path | str):
-        return load_samples(Path(result))
-    if not isinstance(result, Denoised):
-        return {}
-    return {
-        side: hand.samples.cpu() for side, hand in result.hands.items() if len(hand.samples) > 1
-    }
 
 
 def write_page(

@@ -16,7 +16,7 @@ from PIL import Image
 
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.pipeline.options import Options
-from geneoh.pipeline.results import load_notes
+from geneoh.pipeline.results import kept_arrays, kept_notes
 from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
@@ -44,7 +44,9 @@ def test_doubts_about_the_objects_poses_are_a_curve_of_the_page(sequences, tmp_p
         extra = {"object_confidence": confidence}
         save_sequence(sequences[1], tmp_path / f"{name}.npz", extra=extra)
         scene = open_scene(sequences[1])
-        scene = replace(scene, object_confidence=confidence_of(tmp_path / f"{name}.npz"))
+        scene = replace(
+            scene, object_confidence=confidence_of(kept_arrays(tmp_path / f"{name}.npz"))
+        )
         (tmp_path / f"{name}.html").write_text(page_html(scene), encoding="utf-8")
     (told,) = page_scene(tmp_path / "doubtful.html")["versions"]
     assert told["curves"]["confidence"] == [100, 100, 25, 100, 100, 100]
@@ -70,7 +72,7 @@ def test_a_page_has_the_notes_of_a_result_and_the_frames_that_were_filled_in(
         "right hand: 3 unobserved frames filled in, shaded behind the curves",
     ]
     save_sequence(one, tmp_path / "a.npz", extra=result.extra_arrays())
-    assert load_notes(tmp_path / "a.npz") == ("odd", "seen", "right hand: a <note>")
+    assert kept_notes(kept_arrays(tmp_path / "a.npz")) == ("odd", "seen", "right hand: a <note>")
 
 
 def test_the_page_of_a_file_has_the_filled_frames_of_the_hands_that_it_shows(sequences, tmp_path):
