@@ -175,10 +175,10 @@ def open_scene(
 
 
 def arrays_of(result: Viewable) -> Arrays:
-    """What a result of cleaning, or a file, holds beside its sequence; empty for others."""
+    """What a result, or a file, holds beside its sequence; empty for a sequence."""
     if isinstance(result, Path | str):
         return kept_arrays(result)
-    return result.extra_arrays() if isinstance(result, Denoised) else {}
+    return result.extra_arrays() if isinstance(result, Result) else {}
 
 
 def confidence_of(kept: Arrays) -> Float[Tensor, " T"] | None:

@@ -1,7 +1,7 @@
 """`geneoh.view` as Python users call it."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import urlparse
 from urllib.request import url2pathname
@@ -15,10 +15,11 @@ from pages import page_scene
 from PIL import Image
 
 from geneoh.errors import ConfigError, InputError, MissingAssetError
+from geneoh.files.npz import Arrays
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import kept_arrays, kept_notes
 from geneoh.readers.npz.files import save_sequence
-from geneoh.sequence.sequence import ObjectTrack
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.viz import view as view_module
 from geneoh.viz.canvas import LEAST_COLUMN
 from geneoh.viz.page import page_html
@@ -73,6 +74,21 @@ def test_a_page_has_the_notes_of_a_result_and_the_frames_that_were_filled_in(
     ]
     save_sequence(one, tmp_path / "a.npz", extra=result.extra_arrays())
     assert kept_notes(kept_arrays(tmp_path / "a.npz")) == ("odd", "seen", "right hand: a <note>")
+
+
+@dataclass
+class Made:
+    """A result of a generator."""
+
+    sequence: Sequence
+
+    def extra_arrays(self) -> Arrays:
+        return {"notes": np.array(["no such verb"])}
+
+
+def test_a_page_has_the_notes_of_a_generator(sequences, tmp_path):
+    page = view(Made(sequences[1]), tmp_path / "a.html")
+    assert re.findall("<li>(.*?)</li>", page.read_text("utf-8")) == ["no such verb"]
 
 
 def test_the_page_of_a_file_has_the_filled_frames_of_the_hands_that_it_shows(sequences, tmp_path):
