@@ -26,9 +26,8 @@ from geneoh.synthesis.gestures.variation import VARIANTS
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, Canvas
 from geneoh.viz.look import Look
-from geneoh.viz.picture import draw
+from geneoh.viz.picture import draw, hands_from_near
 from geneoh.viz.scene import Scene, make_scene
-from geneoh.viz.sheet import hands_from_near
 
 CHOSEN = (
     ("rest", "wave", "the right hand waves, the left hand rests"),
@@ -71,7 +70,8 @@ def row_of(canvas: Canvas, top: int, scene: Scene, made: BodyWithHands, seconds:
         frame = int((column + 0.5) * scene.frames / FRAMES)
         (picture,) = draw(scene, frame, seen[frame], CELL, "plain")
         canvas.paste(picture, column * CELL, top + WORDS)
-        for place, near in enumerate(hands_from_near(scene, frame, seen[frame], CLOSE)):
+        hands = hands_from_near(scene, scene.versions[0], frame, seen[frame], CLOSE, "plain")
+        for place, near in enumerate(hands):
             canvas.paste(near, column * CELL + place * CLOSE, top + WORDS + CELL)
 
 

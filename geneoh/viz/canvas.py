@@ -12,7 +12,7 @@ from geneoh.progress import OnStep, steps
 from geneoh.sequence.windows import spread_frames
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.look import BACKGROUND, SCALES, Look
-from geneoh.viz.picture import Picture, draw
+from geneoh.viz.picture import Picture, draw, hands_from_near
 from geneoh.viz.scene import Scene, Version
 
 RGB = tuple[int, int, int]
@@ -54,12 +54,20 @@ class Canvas:
         cell: int,
         size: int = 13,
     ) -> None:
-        """One frame of each version at its corner, with the time and the depth below it."""
+        """One frame of each version at its corner, with the time and the depth below it.
+
+        The hands of a body, which are small, are shown from near between both.
+        """
         pictures = draw(scene, frame, camera, cell, colouring)
+        near = near_height(scene, cell)
         for version, picture, (left, top) in zip(scene.versions, pictures, corners, strict=True):
             words = f"{frame / scene.fps:.2f} s   {depth_words(scene, version, frame)}"
             self.paste(picture, left, top)
-            self.write(words, left + 12, top + cell + 2, size=size, colour=FAINT)
+            self.write(words, left + 12, top + cell + near + 2, size=size, colour=FAINT)
+            if near:
+                hands = hands_from_near(scene, version, frame, camera, near, colouring)
+                for place, hand in enumerate(hands):
+                    self.paste(hand, left + place * near, top + cell)
 
     def draw_scale(self, colouring: Colouring, top: int) -> None:
         """The ramp of a colouring between its title and the labels of its ends."""
@@ -75,6 +83,11 @@ class Canvas:
     def picture(self) -> Picture:
         """The pixels."""
         return np.asarray(self._image)
+
+
+def near_height(scene: Scene, cell: int) -> int:
+    """Side of the pictures of a body's hands from near, an even number of pixels; 0 without one."""
+    return cell // 4 * 2 if scene.body is not None else 0
 
 
 def depth_words(scene: Scene, version: Version, frame: int) -> str:
@@ -124,7 +137,7 @@ def filmstrip(scene: Scene, look: Look, on_step: OnStep | None = None) -> Pictur
     refuse_frames(scene, look.frames)
     frames = look.frames or spread_frames(scene.frames, STRIP_FRAMES)
     seen, cell = cameras(scene, look.upward), look.cell
-    row = TITLE_HEIGHT + cell + CAPTION_HEIGHT
+    row = TITLE_HEIGHT + cell + near_height(scene, cell) + CAPTION_HEIGHT
     column = max(cell, LEAST_COLUMN if scene.has_object else 0) + STRIP_GAP
     height = row * len(scene.versions)
     scaled = scene.shows(look.colouring)

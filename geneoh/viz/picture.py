@@ -1,5 +1,6 @@
 """One frame as a picture: opaque hands, and an object that is see-through where it hides them."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from geneoh.choices import Colouring
 from geneoh.viz.camera import Camera
 from geneoh.viz.look import BACKGROUND
 from geneoh.viz.raster import Raster, at_pixels, rasterise
-from geneoh.viz.scene import DrawnSurface, Scene
+from geneoh.viz.scene import DrawnSurface, Scene, Version
 from geneoh.viz.surface import vertex_normals
 
 Picture = UInt8[np.ndarray, "H W 3"]
@@ -25,6 +26,7 @@ SHINE = 0.10
 EDGE_SHADING = 0.5  # largest darkening of the far side of a depth edge, 0 to 1
 EDGE_WIDTH = 0.014  # standard deviation of the blur of depth, share of the picture's height
 EDGE_TRUNCATE = 2.5  # standard deviations at which the kernel of the blur ends
+NEAR_RADIUS = 0.13  # camera radius of a picture of one hand, metres
 EDGE_DEPTH = 0.02  # difference in depth at which the darkening is largest, metres
 
 
@@ -38,16 +40,37 @@ class _Layer:
 
 
 def draw(
-    scene: Scene, frame: int, camera: Camera, side: int, colouring: Colouring = "penetration"
+    scene: Scene,
+    frame: int,
+    camera: Camera,
+    side: int,
+    colouring: Colouring = "penetration",
+    versions: Iterable[Version] | None = None,
 ) -> list[Picture]:
-    """A picture of each version, `side` pixels square; the object is rasterised once for all."""
+    """A picture of each version, `side` pixels square; the object is rasterised once for all.
+
+    The versions are by default all of the scene.
+    """
     drawn = (side * SUPERSAMPLING, side * SUPERSAMPLING)
     behind = _layers(scene.drawn_object(frame), camera, drawn)
     pictures = []
-    for version in scene.versions:
+    for version in scene.versions if versions is None else versions:
         layers = behind + _layers(version.drawn(frame, colouring), camera, drawn)
         pictures.append(_reduced(_shaded(*_stacked(layers, drawn), camera)))
     return pictures
+
+
+def hands_from_near(
+    scene: Scene, version: Version, frame: int, camera: Camera, side: int, colouring: Colouring
+) -> Iterator[Picture]:
+    """A square picture of each hand that a version has in this frame, seen from the same direction.
+
+    Each is `side` pixels wide; the right hand comes first.
+    """
+    for hand in sorted(version.hands, key=lambda hand: hand.side, reverse=True):
+        if bool(hand.valid[frame]):
+            near = Camera(camera.axes, hand.joints[frame].mean(0).numpy(), NEAR_RADIUS)
+            yield from draw(scene, frame, near, side, colouring, (version,))
 
 
 def _layers(surface: DrawnSurface | None, camera: Camera, size: tuple[int, int]) -> list[_Layer]:

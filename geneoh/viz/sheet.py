@@ -1,6 +1,5 @@
 """Contact sheets of made data: a grasp of each object family, or a body in each gesture."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import torch
@@ -18,10 +17,10 @@ from geneoh.synthesis.shapes.objects import FAMILIES
 from geneoh.synthesis.shapes.solids import PARTS
 from geneoh.synthesis.shapes.surface import mesh_of_solid, spacing_for_looks
 from geneoh.synthesis.shards import find_shards
-from geneoh.viz.camera import Camera, cameras
+from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
 from geneoh.viz.look import DEFAULT_LOOK, Look
-from geneoh.viz.picture import Picture, draw
+from geneoh.viz.picture import Picture, draw, hands_from_near
 from geneoh.viz.posed_track import PosedTrack
 from geneoh.viz.scene import Scene, Version, make_scene
 
@@ -31,7 +30,6 @@ SHEET_CELL = 200  # side of one picture, pixels
 SHEET_GAP = 10  # between two pictures, pixels
 TEXT_HEIGHT = 40  # height of the two lines below a picture, pixels
 BODY_COLUMNS, BODY_CELL, BODY_GAP = 9, 180, 12  # for bodies; hands have half the side
-NEAR_RADIUS = 0.13  # camera radius of a picture of one hand, metres
 SENTENCE_LENGTH = 32  # letters of a sentence that are shown
 
 
@@ -148,13 +146,6 @@ def gesture_scene(clip: Gestures) -> Scene:
     return make_scene({"clip": hands}, body=recording)
 
 
-def hands_from_near(scene: Scene, frame: int, camera: Camera, side: int) -> Iterator[Picture]:
-    """A square picture of each hand, `side` pixels wide; the right hand comes first."""
-    for hand in reversed(scene.versions[0].hands):
-        near = Camera(camera.axes, hand.joints[frame].mean(0).numpy(), NEAR_RADIUS)
-        yield from draw(scene, frame, near, side, "plain")
-
-
 def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Picture:
     """One body per clip, close-ups of its hands beside it, and gesture and sentence below."""
     width, height = BODY_CELL + BODY_CELL // 2 + BODY_GAP, BODY_CELL + TEXT_HEIGHT
@@ -166,7 +157,8 @@ def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Pi
         camera = cameras(scene, Look(up=scene.up).upward)[0]
         (picture,) = draw(scene, 0, camera, BODY_CELL, "plain")
         canvas.paste(picture, left, top)
-        for place, near in enumerate(hands_from_near(scene, 0, camera, BODY_CELL // 2)):
+        hands = hands_from_near(scene, scene.versions[0], 0, camera, BODY_CELL // 2, "plain")
+        for place, near in enumerate(hands):
             canvas.paste(near, left + BODY_CELL, top + place * (BODY_CELL // 2))
         names = {NAMES[number] for number in clip.gesture[0].tolist()} - {NAMES[0]}
         canvas.write(" + ".join(sorted(names)) or NAMES[0], left + 4, top + BODY_CELL + 2)

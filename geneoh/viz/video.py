@@ -19,6 +19,7 @@ from geneoh.viz.canvas import (
     TITLE_HEIGHT,
     Canvas,
     end_of,
+    near_height,
     scale_width,
 )
 from geneoh.viz.look import DEFAULT_LOOK, Look
@@ -46,7 +47,7 @@ def film_frames(
     """
     seen = cameras(scene, look.upward)
     cell += cell % 2
-    height = TITLE_HEIGHT + cell + CAPTION_HEIGHT
+    height = TITLE_HEIGHT + cell + near_height(scene, cell) + CAPTION_HEIGHT
     corners = [(index * cell, TITLE_HEIGHT) for index in range(len(scene.versions))]
     titles = [end_of(version.title, cell - 24, 16) for version in scene.versions]
     scaled = scene.shows(look.colouring)
