@@ -17,7 +17,7 @@ from geneoh.generators.text2hoi.sentences.duration import (
     without_amounts,
     without_rate,
 )
-from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, SMALL_WORDS, THINGS
+from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, READ_AS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.sentences.negation import no_hand_in, rules_out, without_ruled_out
 from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS, outcomes_as_verbs
 from geneoh.generators.text2hoi.sentences.passing import MY, asked_giver
@@ -26,6 +26,8 @@ from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
 from geneoh.synthesis.actions.action import VERBS
 
+_VERB_WORDS = {verb: (*words, *READ_AS.get(verb, ())) for verb, words in WORDS.items()}
+"""Words of every class of verbs of the text encoder."""
 EXAMPLE = '"pour from the kettle with the right hand"'
 
 JOINTED = ("open", "close")
@@ -193,7 +195,7 @@ def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[st
 
 
 def named_verbs(words: Sequence[str]) -> dict[str, str]:
-    """Verbs of `text_data.WORDS` that words name, with the words that name them.
+    """Verbs of `_VERB_WORDS` that words name, with the words that name them.
 
     A longer phrase takes precedence over a shorter one in it ("put in" over "put"). The particle of
     a phrase may follow later in the sentence.
@@ -247,7 +249,7 @@ def asked_hands(
 def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
     """All inflected verb phrases by their first word, longest first, each with its verb."""
     found: dict[str, list[tuple[str, str]]] = {}
-    for verb, words in WORDS.items():
+    for verb, words in _VERB_WORDS.items():
         for phrase in (form for word in (*words, verb) for form in forms(word)):
             if phrase not in ("hand", "hands"):  # the hand that acts, nearly always
                 found.setdefault(phrase.split()[0], []).append((phrase, verb))
@@ -262,7 +264,7 @@ def as_meant(words: Sequence[str]) -> list[str]:
 @cache
 def known_words() -> frozenset[str]:
     """All words of our lists on hands and objects."""
-    verbs = [form for words in WORDS.values() for word in words for form in forms(word)]
+    verbs = [form for words in _VERB_WORDS.values() for word in words for form in forms(word)]
     nouns = [noun for words in NOUN_WORDS.values() for noun in words]
     listed = " ".join([*verbs, *nouns, *NOUN_WORDS, *THINGS, *ADJECTIVES])
     return frozenset(listed.split()) | SMALL_WORDS
