@@ -54,6 +54,8 @@ class ObjectPoses:
     """Frame number of the first pose, 0 where it is unknown."""
     times: Array | None = None
     """(T,) seconds, where they are known."""
+    is_numbered: bool = False
+    """Whether `first` is known even if it is 0."""
 
     def of_frames(
         self, frames: int, where: str, clock: Clock | None, first: int = 0
@@ -61,7 +63,8 @@ class ObjectPoses:
         """The poses at a hand's frames, the first of which has the number `first`, and notes.
 
         They are matched by timestamps if both have them. Else there is one pose per frame, a single
-        pose for all frames, or those of a whole video, which are matched by frame number.
+        pose for all frames, or those of a whole video, which are matched by frame number; numbered
+        poses may lack the first and the last frames.
 
         Raises:
             InputError: the times do not overlap, or the number of poses fits none of these cases.
@@ -80,6 +83,13 @@ class ObjectPoses:
             first, last = rows[[0, -1]] + self.first
             words = f"of the object's {len(self.matrices)} poses those of frames {first} to {last}"
             return self.matrices[rows], (words,)
+        known = (rows >= 0) & (rows < len(self.matrices))
+        is_timed = clock is not None and clock.is_of_times
+        if (self.is_numbered or self.first) and known.sum() == len(self.matrices) and not is_timed:
+            poses = np.full((frames, *self.matrices.shape[1:]), np.nan)
+            poses[known] = self.matrices
+            words = f"{self.first} to {self.first + len(self.matrices) - 1}"
+            return poses, (f"the object's poses are those of frames {words} of {frames}",)
         raise self._other_number(frames, where, clock, first)
 
     def _about_one_each(self, clock: Clock | None, first: int) -> Notes:
@@ -246,7 +256,7 @@ def poses_in_folder(folder: Path) -> ObjectPoses:
         )
     first = min(found)
     poses = {frame - first: read_matrix(file) for frame, file in found.items()}
-    return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first)
+    return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first, is_numbered=True)
 
 
 def read_matrix(path: Path) -> Array:

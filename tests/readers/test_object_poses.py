@@ -319,6 +319,23 @@ def pose(number: int) -> np.ndarray:
     return found
 
 
+@pytest.mark.parametrize("numbers", [range(9), range(3, 10), (4, 7, 11)])
+def test_texts_of_a_folder_may_lack_the_first_and_last_frames(tmp_path, numbers):
+    """FoundationPose writes none where it has not found the object; they were refused."""
+    (tmp_path / "ob_in_cam").mkdir()
+    for number in numbers:
+        np.savetxt(tmp_path / "ob_in_cam" / f"{number:06d}.txt", POSES[number])
+    path = hand_of(tmp_path, TIMES, fps=30.0)
+    found = geneoh.load(path, object_pose=tmp_path / "ob_in_cam")
+    assert found.object.valid is not None
+    assert np.flatnonzero(found.object.valid[:, 0]).tolist() == list(numbers)
+    np.testing.assert_allclose(found.object.translation[list(numbers), 0], PLACES[list(numbers)])
+    assert f"those of frames {min(numbers)} to {max(numbers)} of 12" in found.source
+    path = hand_of(tmp_path, TIMES[:6], fps=30.0)
+    with pytest.raises(InputError, match="one for each of the 6 frames"):
+        geneoh.load(path, object_pose=tmp_path / "ob_in_cam")
+
+
 def test_texts_of_a_folder_are_frames_in_the_order_of_their_numbers(tmp_path):
     for number in (2, 10, 3, 5):
         np.savetxt(tmp_path / f"{number}.txt", pose(number).reshape(1 if number == 3 else 4, -1))
