@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from geneoh.choices import Unit
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import METRES
 from geneoh.readers.foreign_files import number_in
 from geneoh.readers.records import Array, as_record
 
+UNIT: Unit = "mm"
 COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t")
 """Columns of a table of results, `R` of nine and `t` of three numbers with spaces between them;
 `time` may follow."""
@@ -23,7 +24,7 @@ FIELDS = ("frame", *(f"R[{at}]" for at in range(9)), "t.x", "t.y", "t.z")
 
 
 def pose_of_image(value: Any, path: Path) -> Any:
-    """The pose of the one object in an image of `scene_gt.json`, in metres, as `R` and `t`; any
+    """The pose of the one object in an image of `scene_gt.json`, in `UNIT`, as `R` and `t`; any
     other value as it is."""
     objects = value if isinstance(value, list) else []
     if not any(isinstance(each, dict) and "cam_R_m2c" in each for each in objects):
@@ -31,8 +32,8 @@ def pose_of_image(value: Any, path: Path) -> Any:
     if len(objects) > 1:
         raise _several(path, f"{len(objects)} in an image")
     record = as_record(objects[0], str(path))
-    place = METRES["mm"] * record.array("cam_t_m2c", (3,))
-    return {"R": record.array("cam_R_m2c", (9,)).tolist(), "t": place.tolist()}
+    place = record.array("cam_t_m2c", (3,)).tolist()
+    return {"R": record.array("cam_R_m2c", (9,)).tolist(), "t": place}
 
 
 def are_results(heading: str) -> bool:
@@ -41,7 +42,7 @@ def are_results(heading: str) -> bool:
 
 
 def rows_of_results(lines: Iterable[str], path: Path) -> Array:
-    """(N, 13) `FIELDS` of the poses in a table of results, metres, sorted by image.
+    """(N, 13) `FIELDS` of the poses in a table of results, in `UNIT`, sorted by image.
 
     Of several poses in an image the one with the highest score is taken.
     """
@@ -62,7 +63,7 @@ def _numbers(image: float, row: dict[str, str], path: Path) -> list[float]:
             f"{path}: 'im_id', 'R' and 't' must be 1, 9 and 3 numbers with spaces between them, "
             f"got '{row['im_id']:.20}', {len(turn)} and {len(place)}; correct the table"
         )
-    return [image, *turn, *(METRES["mm"] * value for value in place)]
+    return [image, *turn, *place]
 
 
 def _several(path: Path, got: str) -> InputError:

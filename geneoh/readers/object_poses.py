@@ -50,12 +50,17 @@ class ObjectPoses:
 
     matrices: Array
     """(T, 4, 4) or (T, Q, 4, 4), NaN where the object was lost."""
-    first: int = 0
-    """Frame number of the first pose, 0 where it is unknown."""
+    number: int | None = None
+    """Frame number of the first pose, where it is known."""
     times: Array | None = None
     """(T,) seconds, where they are known."""
-    is_numbered: bool = False
-    """Whether `first` is known even if it is 0."""
+    unit: Unit | None = None
+    """Unit of the lengths, where the format fixes it; the caller's where it does not."""
+
+    @property
+    def first(self) -> int:
+        """Frame number of the first pose, 0 where it is unknown."""
+        return self.number or 0
 
     def of_frames(
         self, frames: int, where: str, clock: Clock | None, first: int = 0
@@ -85,7 +90,7 @@ class ObjectPoses:
             return self.matrices[rows], (words,)
         known = (rows >= 0) & (rows < len(self.matrices))
         is_timed = clock is not None and clock.is_of_times
-        if (self.is_numbered or self.first) and known.sum() == len(self.matrices) and not is_timed:
+        if self.number is not None and known.sum() == len(self.matrices) and not is_timed:
             poses = np.full((frames, *self.matrices.shape[1:]), np.nan)
             poses[known] = self.matrices
             words = f"{self.first} to {self.first + len(self.matrices) - 1}"
@@ -177,7 +182,9 @@ def pose_field(record: Record, name: str, unit: str = "") -> Array:
 def poses_of(
     given: Path | str | Array | None, where: str, unit: Unit | None = None
 ) -> ObjectPoses | None:
-    """The poses that a caller passes as an array or as a path, with lengths in `unit`.
+    """The poses that a caller passes as an array or as a path, in metres.
+
+    Lengths are in `unit`, or in that of the file's format.
 
     Raises:
         InputError: they cannot be read, or are no poses; see `read_poses`.
@@ -187,11 +194,9 @@ def poses_of(
     record = Record(where, {"object_pose": given}, AS_MATRICES)
     on_disk = isinstance(given, Path | str)
     poses = read_poses(Path(given)) if on_disk else ObjectPoses(pose_field(record, "object_pose"))
-    if unit is None:
-        return poses
     matrices = poses.matrices.copy()
-    matrices[..., :3, 3] *= METRES[unit]
-    return replace(poses, matrices=matrices)
+    matrices[..., :3, 3] *= METRES[poses.unit or unit or "m"]
+    return replace(poses, matrices=matrices, unit="m")
 
 
 def read_poses(path: Path) -> ObjectPoses:
@@ -204,7 +209,8 @@ def read_poses(path: Path) -> ObjectPoses:
     if os.path.isdir(path):
         return poses_in_folder(path)
     if is_text(path):
-        return ObjectPoses(*read_trajectory(path))
+        found = read_trajectory(path)
+        return ObjectPoses(found.poses, found.first, found.times, found.unit)
     value = read_values(path)
     fields = value if isinstance(value, dict) else {"array": value}
     arrays = {name: each for name, each in fields.items() if isinstance(each, Array)}
@@ -256,7 +262,7 @@ def poses_in_folder(folder: Path) -> ObjectPoses:
         )
     first = min(found)
     poses = {frame - first: read_matrix(file) for frame, file in found.items()}
-    return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first, is_numbered=True)
+    return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first)
 
 
 def read_matrix(path: Path) -> Array:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES
 from geneoh.readers.column_names import (
@@ -35,6 +36,8 @@ class Table:
     path: Path
     names: list[str]
     rows: Array
+    unit: Unit | None = None
+    """Unit of the lengths, where the format fixes it."""
 
     def refuse(self, expected: str, got: str, remedy: str = TO_NAME) -> InputError:
         """The error for a table that is not what it should be."""

@@ -8,12 +8,14 @@ xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4 are whole matrices.
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of
 from geneoh.readers import bop
@@ -42,6 +44,20 @@ HIGHEST_RATE = 2000.0
 """Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
 
 
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses of one object, object to the hand's frame."""
+
+    poses: Array
+    """(T, 4, 4), NaN where one is missing."""
+    first: int | None
+    """Number of the first frame, where frames are numbered."""
+    times: Array | None
+    """(T,) seconds, where they are known."""
+    unit: Unit | None
+    """Unit of the lengths, where the format fixes it."""
+
+
 def is_text(path: Path) -> bool:
     """Whether a file is a text, judged by its first bytes and its ending."""
     head = head_of(path)
@@ -49,12 +65,8 @@ def is_text(path: Path) -> bool:
     return bool(head) and not binary and path.suffix.lower() not in PICKLES
 
 
-def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
-    """(T, 4, 4) poses in a table or in JSON, NaN where one is missing.
-
-    Also the number of the first frame, 0 without frame numbers, and (T,) times in seconds, None
-    without timestamps.
-    """
+def read_trajectory(path: Path) -> Trajectory:
+    """The poses in a table or in JSON."""
     is_json = head_of(path).lstrip()[:1] in (b"{", b"[")
     found = table_in_json(read_json(path), path) if is_json else table_in_text(path)
     found = with_stamps(found)
@@ -65,7 +77,7 @@ def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
     times = column_called(found, TIME_NAMES)
     seconds = None if times is None else in_seconds(path, *times)
     if numbers is None:
-        return poses, 0, seconds
+        return Trajectory(poses, None, seconds, found.unit)
     refuse_fall(path, *numbers)
     at = numbers[1]
     if (at != np.rint(at)).any() or at[-1] - at[0] >= FRAME_LIMIT:
@@ -74,7 +86,7 @@ def read_trajectory(path: Path) -> tuple[Array, int, Array | None]:
     every = np.arange(int(at[-1]) + 1 - first)
     numbered = dict(zip((at - first).astype(int).tolist(), poses, strict=True))
     seconds = None if seconds is None else np.interp(every, at - first, seconds)
-    return by_frame(numbered, len(every), 4, 4), first, seconds
+    return Trajectory(by_frame(numbered, len(every), 4, 4), first, seconds, found.unit)
 
 
 def table_in_text(path: Path) -> Table:
@@ -82,7 +94,7 @@ def table_in_text(path: Path) -> Table:
     lines = [line.strip() for line in read_text(path).lstrip("\ufeff").splitlines()]
     lines = [line for line in lines if line]
     if lines and bop.are_results(lines[0]):
-        return Table(path, list(bop.FIELDS), bop.rows_of_results(lines, path))
+        return Table(path, list(bop.FIELDS), bop.rows_of_results(lines, path), bop.UNIT)
     start = next((at for at, line in enumerate(lines) if NUMBER.match(line)), len(lines))
     data = [line for line in lines[start:] if line[0] not in "#%"]
     if not data:
@@ -138,11 +150,14 @@ def table_in_json(value: Any, path: Path) -> Table:
 
 def table_of_items(items: list[Any], path: Path, beside: Mapping[str, Any]) -> Table:
     """The table of a list of poses, with further columns `beside` them."""
-    rows = [dict(flat_fields(bop.pose_of_image(each, path), path)) for each in items]
+    poses = [bop.pose_of_image(each, path) for each in items]
+    unit = None if all(pose is each for pose, each in zip(poses, items, strict=True)) else bop.UNIT
+    rows = [dict(flat_fields(pose, path)) for pose in poses]
     for name, numbers in beside.items():
         rows = [{**row, name: n} for row, n in zip(rows, numbers, strict=True)]
     names = list(dict.fromkeys(chain.from_iterable(rows)))
-    return Table(path, names, np.array([[row.get(n, np.nan) for n in names] for row in rows]))
+    numbers = np.array([[row.get(name, np.nan) for name in names] for row in rows])
+    return Table(path, names, numbers, unit)
 
 
 def only_poses(lists: Mapping[str, list[Any]], path: Path) -> list[Any]:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.readers.object_poses import ObjectPoses, read_poses
+from geneoh.readers.object_poses import ObjectPoses, poses_of, read_poses
 
 FRAMES = 12
 TURNS = Rotation.from_rotvec(np.linspace([0.1, 0.2, 0.3], [0.5, 0.1, 0.9], FRAMES))
@@ -392,7 +392,10 @@ def test_texts_of_other_numbers_are_not_called_damaged(tmp_path, text):
         read_poses(tmp_path)
 
 
-def test_poses_of_one_object_as_bop_has_them_are_read_in_metres(tmp_path):
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_poses_of_one_object_as_bop_has_them_are_in_millimetres_in_any_unit_of_the_hand(
+    tmp_path, unit
+):
     def image(pose, number=3):
         turn, place = pose[:3, :3].ravel().tolist(), (1000 * pose[:3, 3]).tolist()
         return {"cam_R_m2c": turn, "cam_t_m2c": place, "obj_id": number}
@@ -400,7 +403,7 @@ def test_poses_of_one_object_as_bop_has_them_are_read_in_metres(tmp_path):
     images = {str(frame): [image(POSES[frame])] for frame in range(FRAMES) if frame != 4}
     path = tmp_path / "scene_gt.json"
     path.write_text(json.dumps(images))
-    found = read_poses(path).matrices
+    found = poses_of(path, "a call", unit).matrices
     assert np.isnan(found[4]).all()
     np.testing.assert_allclose(np.delete(found, 4, 0), np.delete(POSES, 4, 0), atol=1e-9)
     images["7"].append(image(POSES[7], 5))
@@ -420,7 +423,7 @@ def test_results_of_bop_are_read_in_metres_and_the_best_of_an_image_counts(tmp_p
     path = tmp_path / "tracked_ycbv-test.csv"
     heading = "scene_id,im_id,obj_id,score,R,t,time"
     path.write_text("\n".join([heading, *rows]))
-    found = read_poses(path).matrices
+    found = poses_of(path, "a call").matrices
     assert np.isnan(found[4]).all()
     np.testing.assert_allclose(np.delete(found, 4, 0), np.delete(POSES, 4, 0), atol=1e-9)
     for more, words in [

@@ -115,12 +115,13 @@ def load(
             LOG.warning("%s: %s", path, note)
         return recording.sequence
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
-    poses = poses_of(object_pose, "geneoh.load")
+    poses = poses_of(object_pose, "geneoh.load", keypoint_unit)
     record = layouts.read_fields(path)
     layout = layouts.layout_of(record)
     record = with_joint_order(record, layout, joint_order)
+    record = in_metres(record, layout, keypoint_unit)
     record = with_callers(record, "obj_pose", poses and poses.matrices)
-    record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
+    record = with_callers(record, "camera_position", camera)
     about_mesh = () if meshes is None else notes_on_meshes(record, meshes)
     meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, folder_of(path))
     # before the reading, because a misspelt field may be why it fails
