@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geneoh.errors import numbered
-from geneoh.metrics.report import before_and_after, format_number, through_walls
-from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.metrics.report import before_and_after, through_walls
+from geneoh.pipeline.results import Denoised
 from geneoh.sequence.sequence import Sequence
 
 NOTED_DISTANCE_MM = 5.0
@@ -24,20 +24,7 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
         f"read {sequence.source}: {frames} at {sequence.fps:g} frames a second, "
         + (f"object of {numbered(parts, 'part')}" if parts else "no object")
     )
-    for side, hand in result.hands.items():
-        spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in hand.seconds.items())
-        yield f"{side} hand: {numbered(hand.windows, 'window')}, {_drawn(hand)}; {spent}"
-        for line in before_and_after(hand.before, hand.after):
-            yield f"  {line}"
-        yield f"  keypoints moved by {1000 * hand.moved:.1f} mm on average"
-        if count := int(hand.filled.sum()):
-            frames = numbered(count, "unobserved frame")
-            yield f"  {frames} filled in; see {side}_filled in the file"
-        for note in hand.notes:
-            yield f"  note: {note}"
-    yield from between_hands(result)
-    for note in result.notes:
-        yield f"note: {note}"
+    yield from result.lines()
     yield f"wrote {output}"
 
 
@@ -62,14 +49,7 @@ def mended_hands(result: Denoised | None) -> Iterator[str]:
         for note in through_walls(hand.before, hand.after):
             yield f"  note: {note}"
     if result is not None:
-        yield from between_hands(result)
-
-
-def between_hands(result: Denoised) -> Iterator[str]:
-    """Penetration depth of two hands in each other, before and after."""
-    if result.hands_in_each_other is not None:
-        before, after = (format_number(1000 * depth) for depth in result.hands_in_each_other)
-        yield f"depth of the hands in each other, deepest: {before} -> {after} mm"
+        yield from result.between_hands()
 
 
 def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:
@@ -87,12 +67,3 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
         )
     for output in outputs:
         yield f"wrote {output}"
-
-
-def _drawn(hand: HandResult) -> str:
-    """How many samples were drawn, and which became the result where there was a choice."""
-    samples = numbered(len(hand.samples), "sample")
-    if len(hand.samples) == 1:
-        return samples
-    kept = "their mean" if hand.chosen < 0 else f"number {hand.chosen + 1}"
-    return f"{samples} ({kept} kept)"

@@ -158,6 +158,7 @@ from pathlib import Path
 import numpy, torch, trimesh
 from geneoh import *
 from geneoh.errors import GeneOHError
+from geneoh.generators.text2hoi.sentences.prompt import read_prompt
 
 logging.disable(logging.CRITICAL)
 torch.set_num_threads(1)
@@ -176,7 +177,7 @@ POINTS = folder / "points.npy"
 numpy.save(POINTS, JOINTS.numpy())
 TRIMESH = trimesh.Trimesh(MESH.verts.numpy(), MESH.faces.numpy(), process=False)
 
-GENERATED = Generated(SHORT, torch.zeros(3), None, None)
+GENERATED = Generated(SHORT, torch.zeros(3), read_prompt('lift it'), None)
 
 def clean(hand=HAND, motion=MOTION):
     return denoise(Sequence((hand,), motion, 30.0), **FAST)

@@ -1,9 +1,10 @@
 """The result of cleaning, and how it is saved and loaded."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -13,11 +14,11 @@ from torch import Tensor
 from geneoh.arguments import checked_call
 from geneoh.bundle import Bundle, Index, equal_values, repr_by_shapes
 from geneoh.choices import SIDES, Side
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.files.npz import Arrays, read_archive
 from geneoh.files.outputs import check_ending, keep_others
 from geneoh.fitting.terms import HandState
-from geneoh.metrics.report import InteractionReport
+from geneoh.metrics.report import InteractionReport, before_and_after, format_number
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
@@ -78,10 +79,30 @@ class HandResult(Bundle):
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
+    def lines(self) -> Iterator[str]:
+        """What changed, and notes, for people to read."""
+        for line in before_and_after(self.before, self.after):
+            yield f"  {line}"
+        yield f"  keypoints moved by {1000 * self.moved:.1f} mm on average"
+        if count := int(self.filled.sum()):
+            frames = numbered(count, "unobserved frame")
+            yield f"  {frames} filled in; see {self.track.side}_filled in the file"
+        for note in self.notes:
+            yield f"  note: {note}"
+
+    def work_done(self) -> str:
+        """How many windows and samples were drawn, and the computing time of each stage."""
+        spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in self.seconds.items())
+        drawn = f"{numbered(self.windows, 'window')}, {numbered(len(self.samples), 'sample')}"
+        if len(self.samples) > 1:
+            kept = "their mean" if self.chosen < 0 else f"number {self.chosen + 1}"
+            drawn += f" ({kept} kept)"
+        return f"{drawn}; {spent}"
+
 
 @dataclass(frozen=True, eq=False)
 class Denoised(Bundle):
-    """The result of `geneoh.denoise`."""
+    """The result of `geneoh.denoise`. As text it is what the command prints."""
 
     sequence: Sequence
     """The input with clean hands. Its frames are unchanged, and so is its object without
@@ -103,9 +124,31 @@ class Denoised(Bundle):
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
+    def __str__(self) -> str:
+        return "\n".join((*(f"note: {doubt}" for doubt in self.doubts), *self.lines()))
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Show the text, and not all fields, at the end of a notebook's cell."""
+        printer.text(repr(self) if cycle else str(self))
+
     def __getitem__(self, frames: Index) -> "Denoised":
         """The chosen frames; a step of n divides the frame rate by n."""
         return replace(super().__getitem__(frames), sequence=self.sequence[frames])
+
+    def lines(self) -> Iterator[str]:
+        """The computing time of each stage, what changed, and notes, for people to read."""
+        for side, hand in self.hands.items():
+            yield f"{side} hand: {hand.work_done()}"
+            yield from hand.lines()
+        yield from self.between_hands()
+        for note in self.notes:
+            yield f"note: {note}"
+
+    def between_hands(self) -> Iterator[str]:
+        """Penetration depth of two hands in each other, before and after."""
+        if self.hands_in_each_other is not None:
+            before, after = (format_number(1000 * depth) for depth in self.hands_in_each_other)
+            yield f"depth of the hands in each other, deepest: {before} -> {after} mm"
 
     def sentences(self) -> tuple[str, ...]:
         """Doubts about the input and notes on it and its hands, each once."""

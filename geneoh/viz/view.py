@@ -34,6 +34,7 @@ from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import DEFAULT_LOOK, Look
+from geneoh.viz.notebook import is_in_notebook, show_below_cell
 from geneoh.viz.outputs import USED_BY, check_scene_outputs, lacking, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
@@ -70,7 +71,8 @@ def view(
 
     Args:
         result: what `denoise` or a generator returned, a sequence, or the npz file of one.
-        path: file to write; without it a page in a temporary file is opened in the browser.
+        path: file to write; without it a page in a temporary file is opened in the browser, or
+            shown below the cell of a notebook.
         before: the input of the result, with the same number of frames.
         obj: mesh files of the object in metres, one per rigid part, for npz files; by default
             those that the npz file names. Without a mesh only hands are shown.
@@ -122,7 +124,10 @@ def view(
     with tempfile.NamedTemporaryFile(prefix="geneoh_", suffix=".html", delete=False) as file:
         page = Path(file.name)
     write(scene, page, look)
-    webbrowser.open(page.as_uri())
+    if is_in_notebook():
+        show_below_cell(page)
+    else:
+        webbrowser.open(page.as_uri())
     return page
 
 
@@ -154,7 +159,7 @@ def open_scene(
             name, longer_name = Path(given).stem, str(given)
         else:
             sequence = given if isinstance(given, Sequence) else given.sequence
-            name = title or sequence.source or "interaction"
+            name = title or sequence.source.partition(" (")[0] or "interaction"
             longer_name = f"{name}, cleaned"
         sequences[longer_name if name in sequences else name] = sequence
     if isinstance(result, Path | str):

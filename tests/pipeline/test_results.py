@@ -1,0 +1,53 @@
+"""Results as text."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import fake_cleaning
+import pytest
+import torch
+from fake_cleaning import write_clips
+
+import geneoh
+from geneoh.pipeline.options import Options
+
+
+@pytest.fixture
+def result(tmp_path):
+    write_clips(tmp_path, 1)
+    sequence = geneoh.load(tmp_path / "clip0.npz", obj=tmp_path / "clip0.obj")
+    result = fake_cleaning.denoise(sequence, Options())
+    hand = next(iter(result.hands.values()))
+    filled = torch.arange(sequence.frames) < 2
+    samples = hand.samples.expand(3, -1, -1, -1)
+    hand = replace(hand, filled=filled, samples=samples, seconds={"fit": 1.25}, moved=0.012)
+    return replace(
+        result,
+        hands={"right": hand},
+        notes=("so",),
+        doubts=("odd",),
+        hands_in_each_other=(0.02, 0.0),
+    )
+
+
+def test_a_result_as_text_says_what_changed(result):
+    lines = str(result).splitlines()
+    assert lines[:2] == [
+        "note: odd",
+        "right hand: 1 window, 3 samples (their mean kept); fit 1.2 s",
+    ]
+    assert "  penetration depth, mean               1.00 ->     0.50 mm" in lines
+    assert lines[-5:] == [
+        "  keypoints moved by 12.0 mm on average",
+        "  2 unobserved frames filled in; see right_filled in the file",
+        "  note: a <note>",
+        "depth of the hands in each other, deepest: 20.0 -> 0.00 mm",
+        "note: so",
+    ]
+
+
+def test_a_notebook_shows_the_text_of_a_result_and_not_all_of_its_fields(result):
+    written = []
+    result._repr_pretty_(SimpleNamespace(text=written.append), False)
+    assert written == [str(result)]
+    assert repr(result).startswith("Denoised(sequence=")
