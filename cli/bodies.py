@@ -72,8 +72,6 @@ def make_hands(
     from geneoh.generators.sentences import prompt_text
     from geneoh.readers.bodies.read import object_of_body, read_body
 
-    from . import reports
-
     motion = read_body(body, **reading)
     held = object_of_body(body, motion.frames, obj=obj, object_pose=object_pose, unit=unit)
     hand_options = BodyOptions(**{n: v for n, v in chosen.items() if n not in FOR_OBJECTS})
@@ -83,8 +81,9 @@ def make_hands(
         )
     for output in outputs:
         write_on_body(made, output, overwrite=overwrite)
-    for line in reports.hands_on_body(made, outputs):
-        click.echo(line)
+    click.echo(made)
+    for output in outputs:
+        click.echo(f"wrote {output}")
 
 
 def write_on_body(made: "BodyWithHands", output: Path, *, overwrite: bool) -> None:

@@ -189,7 +189,6 @@ def score_generator(ctx: click.Context) -> None:
 
     from geneoh.config import configured
     from geneoh.evaluation.generation.report import (
-        generation_as_text,
         keep_other_generation_reports,
         write_generation_report,
     )
@@ -216,8 +215,7 @@ def score_generator(ctx: click.Context) -> None:
     command = command_line(ctx)
     with progress.progress_bars() as on_progress:
         made = evaluate(folder, command=command, on_progress=on_progress)
-    for line in [*generation_as_text(made), *(f"note: {remark}" for remark in made.remarks())]:
-        click.echo(line)
+    click.echo(made)
     click.echo(f"wrote {', '.join(str(path) for path in write_generation_report(made, folder))}")
 
 

@@ -112,6 +112,12 @@ def repr_by_shapes(self: Any) -> str:
     return f"{type(self).__name__}({shown})"
 
 
+def show_text(self: Any, printer: Any, cycle: bool) -> None:
+    """Show the text of a result, and not all of its fields, at the end of a notebook's cell. It is
+    the `_repr_pretty_` of results, which IPython calls."""
+    printer.text(repr(self) if cycle else str(self))
+
+
 def conform(bundle: Bundle, name: str) -> None:
     """Convert arrays, lists and numbers in fields of a new bundle to tensors; floats to float32.
 

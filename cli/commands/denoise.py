@@ -71,8 +71,6 @@ def denoise(
 
     import geneoh
 
-    from .. import reports
-
     settings = options.cleaner(mano, chosen)
     sequence = sources.read_sequence(noisy, obj=obj, mano=mano, **chosen)
     if report is not None:
@@ -82,7 +80,8 @@ def denoise(
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     geneoh.save(result, output, overwrite=overwrite)
-    for line in reports.denoised(sequence, result, output):
+    click.echo(f"read {sequence}")
+    for line in (*result.lines(), f"wrote {output}"):
         click.echo(line)
     if report is not None:
         from geneoh.viz.view import write_page

@@ -31,7 +31,6 @@ def eval(
     from geneoh.evaluation.cases import find_cases, write_inputs
     from geneoh.evaluation.report import keep_other_reports, write_report
     from geneoh.evaluation.runner import evaluate
-    from geneoh.evaluation.tables import as_text
     from geneoh.files.outputs import refuse_inputs
     from geneoh.workers.pool import cores
 
@@ -51,8 +50,7 @@ def eval(
     how |= {"jobs": jobs or cores(), "command": evaluations.command_line(ctx)}
     with progress.progress_bars() as on_progress:
         made = evaluate(chosen, folder, on_progress=on_progress, **how)
-    for line in [*as_text(made.blocks), *(f"note: {remark}" for remark in made.remarks())]:
-        click.echo(line)
+    click.echo(made)
     if made.reused:
         click.echo(f"note: {made.reused} of {len(made.scores)} scores were there already")
     click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")

@@ -117,8 +117,6 @@ def generate(
     from geneoh.geometry.mesh_files import meshes_of
     from geneoh.pipeline.results import save
 
-    from .. import reports
-
     meshes = meshes_of(obj, unit)
     own = {name: value for name, value in chosen.items() if name not in bodies.FOR_BODIES}
     settings = GenerateOptions(up=own.pop("up") or "z", **own)
@@ -126,5 +124,5 @@ def generate(
     with progress.progress_bars() as on_progress:
         made = generate(words, meshes, settings, joint=joint, on_progress=on_progress)
     save(made, output, overwrite=overwrite)
-    for line in reports.generated(made, output):
-        click.echo(line)
+    click.echo(made)
+    click.echo(f"wrote {output}")

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from geneoh.bundle import show_text
 from geneoh.evaluation import plots, tables
 from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
@@ -32,7 +33,7 @@ REASONS = 3  # largest number of reasons for failing that are reported per metho
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All scores of a run, and the settings on which they depend."""
+    """All scores of a run, and the settings on which they depend. As text it has the tables."""
 
     settings: dict[str, Any]
     """Settings, weights and data of the run, and the versions of the packages."""
@@ -47,6 +48,11 @@ class Evaluation:
     reused: int = 0
     """Number of scores that were taken from an earlier run. It is not in the report, which is the
     same for an interrupted run and an uninterrupted one."""
+
+    _repr_pretty_ = show_text
+
+    def __str__(self) -> str:
+        return "\n".join([*tables.as_text(self.blocks), *map("note: {}".format, self.remarks())])
 
     @property
     def blocks(self) -> list[tables.TableBlock]:

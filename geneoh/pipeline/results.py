@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -12,13 +12,18 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call
-from geneoh.bundle import Bundle, Index, equal_values, repr_by_shapes
+from geneoh.bundle import Bundle, Index, equal_values, repr_by_shapes, show_text
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.files.npz import Arrays, read_archive
 from geneoh.files.outputs import check_ending, keep_others
 from geneoh.fitting.terms import HandState
-from geneoh.metrics.report import InteractionReport, before_and_after, format_number
+from geneoh.metrics.report import (
+    InteractionReport,
+    before_and_after,
+    format_number,
+    through_walls,
+)
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
@@ -123,13 +128,10 @@ class Denoised(Bundle):
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
+    _repr_pretty_ = show_text
 
     def __str__(self) -> str:
         return "\n".join((*(f"note: {doubt}" for doubt in self.doubts), *self.lines()))
-
-    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        """Show the text, and not all fields, at the end of a notebook's cell."""
-        printer.text(repr(self) if cycle else str(self))
 
     def __getitem__(self, frames: Index) -> "Denoised":
         """The chosen frames; a step of n divides the frame rate by n."""
@@ -143,6 +145,17 @@ class Denoised(Bundle):
         yield from self.between_hands()
         for note in self.notes:
             yield f"note: {note}"
+
+    def measures(self) -> Iterator[str]:
+        """Measures of the hands before and after, without what concerns the input: for people to
+        read of hands that a generator made."""
+        for side, hand in self.hands.items():
+            yield f"{side} hand:"
+            for line in before_and_after(hand.before, hand.after):
+                yield f"  {line}"
+            for note in through_walls(hand.before, hand.after):
+                yield f"  note: {note}"
+        yield from self.between_hands()
 
     def between_hands(self) -> Iterator[str]:
         """Penetration depth of two hands in each other, before and after."""

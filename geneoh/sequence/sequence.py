@@ -250,6 +250,13 @@ class Sequence(Bundle):
         frames = numbered(self.frames, "frame")
         return f"Sequence({hands} hand, {frames}, {self.fps:g} fps, source={source!r})"
 
+    def __str__(self) -> str:
+        """The source, length, rate and number of parts in one line."""
+        parts = len(self.object.meshes)
+        around = f"object of {numbered(parts, 'part')}" if parts else "no object"
+        frames = numbered(self.frames, "frame")
+        return f"{self.source}: {frames} at {self.fps:g} frames a second, {around}"
+
     __eq__ = equal_values
 
     def __getitem__(self, frames: Index) -> "Sequence":

@@ -14,7 +14,6 @@ from geneoh.generators.text2hoi.generate import Generated
 from geneoh.generators.text2hoi.physics.jointed import asked_joint, joined
 from geneoh.generators.text2hoi.sentences.prompt import read_prompt
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh_cli.reports import mended_hands
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SENTENCE = "lift the box with the left hand"
@@ -124,8 +123,6 @@ def test_hands_that_were_made_through_a_thin_wall_are_told():
     (side,) = made.hands
     hand = made.hands[side]
     through = replace(hand, after=replace(hand.after, through_fraction=0.5))
-    sound, told = (
-        list(mended_hands(replace(made, hands={side: each}))) for each in (hand, through)
-    )
+    sound, told = (list(replace(made, hands={side: each}).measures()) for each in (hand, through))
     assert told[: len(sound)] == sound
     assert "goes through a thin wall of the object in 50% of the frames" in told[-1]

@@ -7,6 +7,7 @@ from typing import Any
 
 import torch
 
+from geneoh.bundle import show_text
 from geneoh.evaluation.generation.scores import MEASURES, Column, RowScores
 from geneoh.evaluation.report import made_with
 from geneoh.files.atomic import write_whole
@@ -20,7 +21,7 @@ FILES = ("generation.json", "generation.csv", "generation.md")
 
 @dataclass(frozen=True)
 class GenerationReport:
-    """All scores of a run, and the settings on which they depend."""
+    """All scores of a run, and the settings on which they depend. As text it has the table."""
 
     settings: dict[str, Any]
     """Settings, clips, weights, the classifier's configuration and hash, and package versions."""
@@ -28,6 +29,11 @@ class GenerationReport:
     rows: dict[str, RowScores]
     about: tuple[str, ...]  # remarks below the table
     measures: tuple[Column, ...] = MEASURES
+
+    _repr_pretty_ = show_text
+
+    def __str__(self) -> str:
+        return "\n".join([*_as_text(self), *map("note: {}".format, self.remarks())])
 
     def remarks(self) -> Iterator[str]:
         """Remarks below the table, among them the meaning of each column."""
@@ -103,7 +109,7 @@ def _as_markdown(report: GenerationReport) -> str:
     return "\n".join([*lines, made_with(report.settings), ""])
 
 
-def generation_as_text(report: GenerationReport) -> Iterator[str]:
+def _as_text(report: GenerationReport) -> Iterator[str]:
     """The table as lines of text."""
     yield f"{'':<24}" + "".join(f"{f'{m.title} {m.unit}'.strip():>16}" for m in report.measures)
     for name, texts in _table(report):

@@ -11,10 +11,10 @@ import torch
 from geneoh.arguments import checked_call, given_options
 from geneoh.body.motion import BodyMotion, grounded, pose, turned_body
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
-from geneoh.bundle import equal_values, repr_by_shapes
+from geneoh.bundle import equal_values, repr_by_shapes, show_text
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.files.npz import Arrays
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import load_both2hands
@@ -60,9 +60,13 @@ class BodyOptions:
         check_fields(self, GENERATION)
 
 
+NOTED_DISTANCE_MM = 5.0
+"""Distance in millimetres of a body's wrists from those of its hands above which it is noted."""
+
+
 @dataclass(frozen=True, eq=False)
 class BodyWithHands:
-    """A body whose fingers were made for a sentence."""
+    """A body whose fingers were made for a sentence. As text it is what the command prints."""
 
     body: BodyRecording
     """The body that was passed, with fingers; the rest of it is unchanged, except for wrist
@@ -75,6 +79,19 @@ class BodyWithHands:
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
+    _repr_pretty_ = show_text
+
+    def __str__(self) -> str:
+        body, frames = self.body, numbered(self.body.frames, "frame")
+        lines = [f"read {body.source}: {frames} at {body.fps:g} frames a second"]
+        lines += [*(f"note: {note}" for note in body.notes)]
+        lines += [*(self.refined.measures() if self.refined else ())]
+        if (apart := 1000 * self.wrists_apart()) > NOTED_DISTANCE_MM:
+            lines += [
+                f"note: the arms of the body stay: a wrist is up to {apart:.0f} mm off that of its "
+                "hand, and a BVH and the names of smplx have the body's"
+            ]
+        return "\n".join(lines)
 
     def wrists_apart(self) -> float:
         """Largest distance between a wrist of the body and that of its hand track, metres."""

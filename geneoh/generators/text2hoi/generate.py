@@ -10,9 +10,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call, given_options
-from geneoh.bundle import equal_values, repr_by_shapes
+from geneoh.bundle import equal_values, repr_by_shapes, show_text
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields
+from geneoh.errors import numbered
 from geneoh.files.npz import Arrays
 from geneoh.generators.text2hoi.choosing import missed_motion
 from geneoh.generators.text2hoi.missing import fault_note, missing_notes
@@ -87,7 +88,7 @@ class GenerateOptions:
 
 @dataclass(frozen=True, eq=False)
 class Generated:
-    """An interaction that was made for a sentence."""
+    """An interaction that was made for a sentence. As text it is what the command prints."""
 
     sequence: Sequence
     """Hands and object, world frame with z up, the table at z = 0, 30 frames a second."""
@@ -99,6 +100,14 @@ class Generated:
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
+    _repr_pretty_ = show_text
+
+    def __str__(self) -> str:
+        made, hands = self.sequence, " and ".join(hand.side for hand in self.sequence.hands)
+        length = f"{numbered(made.frames, 'frame')}, {made.frames / made.fps:.1f} s"
+        lines = [*(f"note: {note}" for note in self.prompt.notes)]
+        lines += [f"{self.prompt.verb} with the {hands} hand: {length}"]
+        return "\n".join([*lines, *(self.refined.measures() if self.refined else ())])
 
     def extra_arrays(self) -> Arrays:
         """`contact` (V,), `prompt`, `verb` and `notes` (N,), for `geneoh.save`."""
