@@ -107,15 +107,22 @@ def own_noise(
 ) -> float:
     """Standard deviation per axis of the white noise of a track that another one does not share.
 
-    The shared variance is a quarter of the difference between the variances of their sum and their
-    difference (Gnanadesikan and Kettenring 1972), which `noise_level` estimates robustly. What may
-    be chance does not count: neither noise as shared, nor the rest as noise of the track.
+    The correlation is a quarter of the difference between the variances of the sum and of the
+    difference of the tracks in units of their noise (Gnanadesikan and Kettenring 1972), which
+    `noise_level` estimates robustly. What may be chance does not count: neither noise as shared,
+    nor the rest as noise of the track.
     """
     whole, others = noise_level(track, seen, summary), noise_level(other, seen, summary)
-    alike, unlike = (noise_level(t, seen, summary) for t in (track + other, track - other))
-    shared, chance = (alike**2 - unlike**2) / 4, 1 / np.sqrt(max(seen.sum(), 1))
-    if shared <= SURELY_SHARED * chance * whole * others:
+    if whole * others == 0:
         return whole
+    units = track / whole, other / others
+    alike, unlike = (
+        noise_level(each, seen, summary) for each in (units[0] + units[1], units[0] - units[1])
+    )
+    correlation, chance = (alike**2 - unlike**2) / 4, 1 / np.sqrt(max(seen.sum(), 1))
+    if correlation <= SURELY_SHARED * chance:
+        return whole
+    shared = correlation * whole * others
     rest = whole**2 - shared
     doubt = chance * np.sqrt(shared * max(others**2 - shared, 0))
     return float(np.sqrt(rest)) if rest > SURELY_OWN * doubt else 0.0

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.palms import RigidMotion, palm_at, palm_of
+from geneoh.objects.palms import RigidMotion, own_noise, palm_at, palm_of
+from geneoh.objects.smoothing import noise_level
 from geneoh.readers.npz.files import load
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import ObjectTrack
@@ -122,6 +123,17 @@ def test_flips_and_jumps_are_found_beside_a_hand_that_shakes():
     torch.testing.assert_close(
         clean.translation[right], motion.translation[right], atol=1e-5, rtol=0
     )
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0])
+def test_noise_of_an_object_is_its_own_beside_a_hand_of_any_noise(ratio):
+    """Beside a hand with ten times its noise, chance made it seem shared in one of 15 tracks."""
+    draws, seen = np.random.default_rng(3), np.ones(60, dtype=bool)
+    found = []
+    for _ in range(100):
+        track, other = draws.standard_normal((2, 60, 3)) * [[[0.002]], [[0.002 * ratio]]]
+        found.append(own_noise(track, other, seen, np.median) == noise_level(track, seen))
+    assert sum(found) >= 97
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
