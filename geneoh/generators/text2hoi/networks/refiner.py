@@ -1,9 +1,10 @@
 """The network that refines generated hands in one pass, by a residual, and its losses.
 
-Source: Text2HOI, section 3.5 and supplement. Only hands change; the object stays. Ours: several
-frames per token, hands in the object frame, and offsets to the closest object points beside the
-paper's features, which hardly distinguish a gap of a centimetre from contact. The losses are, as in
-the paper, squared distances: from the true hands, into the object, and of gaps at near contacts.
+Source: Text2HOI, section 3.3 and supplement. Only hands change; the object stays. Ours: several
+frames per token, hands in the object frame, layers that both hands share, and offsets to the
+closest object points beside the paper's features, which hardly distinguish a gap of a centimetre
+from contact. The losses are, as in the paper, squared distances: from the true hands, into the
+object, and of gaps at near contacts.
 """
 
 from dataclasses import dataclass
@@ -54,6 +55,19 @@ class RefinerConfig(NetworkConfig):
     frame: HandFrame = "object"  # coordinate frame of the hands (paper: the world)
 
 
+class LayerOfEachHand(nn.Module):
+    """A linear layer for the left hand and one for the right, as in the paper."""
+
+    def __init__(self, before: int, after: int) -> None:
+        super().__init__()
+        self.hands = nn.ModuleList(nn.Linear(before, after) for _ in SIDES)
+
+    def forward(self, tokens: Float[Tensor, "B S 2 N"]) -> Float[Tensor, "B S 2 M"]:
+        """The features of both hands."""
+        pairs = zip(self.hands, tokens.unbind(2), strict=True)
+        return torch.stack([layer(hand) for layer, hand in pairs], dim=2)
+
+
 class RefinerNetwork(nn.Module):
     """From generated hands to refined ones."""
 
@@ -64,11 +78,12 @@ class RefinerNetwork(nn.Module):
         """
         super().__init__()
         self.config = config
-        offsets = JOINTS if config.form == "ours" else 0
-        width = HAND + 2 * JOINTS + offsets + 2 * config.points
-        self.input = nn.Linear(config.frames_per_token * width, config.width)
+        ours = config.form == "ours"
+        layer = nn.Linear if ours else LayerOfEachHand
+        width = HAND + 2 * JOINTS + JOINTS * ours + 2 * config.points
+        self.input = layer(config.frames_per_token * width, config.width)
         self.trunk = PostNormTransformer(config.width, config.depth, config.heads, levels=False)
-        self.output = zeroed(nn.Linear(config.width, config.frames_per_token * HAND))
+        self.output = zeroed(layer(config.width, config.frames_per_token * HAND))
 
     def forward(
         self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
@@ -90,7 +105,7 @@ class RefinerNetwork(nn.Module):
             steps.repeat_interleave(2).to(read),
             seen.flatten(1),
         )
-        change = self.output(after).unflatten(-1, (frames, HAND)).unflatten(1, (-1, 2))
+        change = self.output(after.unflatten(1, (-1, 2))).unflatten(-1, (frames, HAND))
         change = change.transpose(1, 2).flatten(2, 3)[:, :, : points.shape[1]]
         if self.config.form == "ours":
             change = change * change.new_tensor([WRIST] * 3 + [TURN] * (HAND - 3))
@@ -100,7 +115,7 @@ class RefinerNetwork(nn.Module):
     def inputs(
         self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
     ) -> Float[Tensor, "B 2 T N"]:
-        """Input features of each hand and frame (paper, equation 11)."""
+        """Input features of each hand and frame."""
         joints = tokens.joints()
         offset = nearest(joints, points) - joints
         near = torch.exp(-50 * offset.square())
