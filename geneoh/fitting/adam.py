@@ -17,7 +17,8 @@ from geneoh.nn.adam import adam
 class AdamFitConfig:
     """Schedule and weights of the public code, with a third of its steps; the paper states none.
 
-    Both phases use the keypoint weight of the public code's second phase."""
+    Both phases use the keypoint weight of the public code's second phase. Norms are squared, as in
+    that code; those of eq. (12) are not."""
 
     rigid_steps: int = 200
     rigid_rate: float = 0.1
@@ -31,7 +32,8 @@ class AdamFitConfig:
     shape: float = 0.0002
     """Weight of the mean squared betas."""
     smooth: float = 0.03
-    """Weight of the squared pose change between frames."""
+    """Weight of the squared pose change between frames, a sum over the 45 finger angles; the public
+    code takes the mean over pose components."""
 
 
 def fit_with_adam(

@@ -13,8 +13,9 @@ LEAST_DEVIATION = 1e-3
 class WindowScale:
     """Mean and standard deviation of B windows of canonical keypoints, metres (paper, C.5).
 
-    The mean is over frames and keypoints. The deviation is over all coordinates: a single number
-    per window keeps the shape of the hand. Level 400 of the paper is about 75 mm for a real hand.
+    The mean is over frames and keypoints. The deviation is over all coordinates, as in the public
+    code, and not one for each axis (eq. 19): a single number keeps the shape of the hand. Level 400
+    of the paper is about 75 mm for a real hand.
     """
 
     mean: Float[Tensor, "B *N 3"]
