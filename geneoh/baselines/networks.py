@@ -6,8 +6,8 @@ that a ray from the object point hits. Ours holds relations of contact points to
 and is trained on the data of the cleaner. It follows the idea of TOCH, not the authors' code, so
 its results say nothing about theirs.
 
-`RegressionDenoiser` is "w/o Diffusion" (paper, section 4.4, where it is an autoencoder). It gets
-the inputs of MotionDiff and SpatialDiff together.
+`RegressionDenoiser` is after "w/o Diffusion" (paper, section 5 and C.4: an autoencoder for each of
+J, S and T, and a fit to all three). It gets J and S together.
 """
 
 from dataclasses import dataclass, replace

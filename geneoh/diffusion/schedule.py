@@ -21,9 +21,11 @@ COSINE_OFFSET = 0.008  # s of the cosine schedule, against too small betas at th
 def linear_sigmas(
     steps: int = PAPER_STEPS, first: float = 1e-4, last: float = 0.02
 ) -> Float[Tensor, " N"]:
-    """Noise-to-signal ratio of levels 0 to `steps` under linear betas (paper, appendix C.5).
+    """Noise-to-signal ratio of levels 0 to `steps` under linear betas.
 
     The result is float64 and increasing, with 0 at level 0; level n has seen betas 1 to n.
+
+    Source: paper, appendix A.2, but with the first beta of the public code; the text has 0.001.
     """
     betas = torch.linspace(first, last, steps, dtype=torch.float64)
     signal = torch.cat([torch.ones(1, dtype=torch.float64), (1 - betas).cumprod(0)])

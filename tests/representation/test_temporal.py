@@ -71,7 +71,7 @@ def test_relations_are_those_of_equation_1(make_scene, parts):
 @few
 @given(seeds, st.integers(1, 2))
 def test_relations_and_the_first_frame_give_the_hand(make_scene, seed, parts):
-    """Claim 2 of appendix A.2; random frames 3 cm apart are rough motion."""
+    """Claim 1 of appendix A.2; random frames 3 cm apart are rough motion."""
     scene = make_scene(seed, parts)
     region = scene.region()
     relations = encode_temporal(scene.joints, region, FPS)
