@@ -54,8 +54,9 @@ class ProtocolOptions(Limited):
     noise_sizes: Literal["paper", "code"] = "paper"
     """Size of the noise "paper": as in the paper's text, or as in the released code."""
     finger_noise: Literal["components", "angles"] = "components"
-    """The noise "paper" is drawn on the first 24 of MANO's pose components (paper and code), which
-    needs the user's MANO files, or on each finger joint's axis-angle, which is larger."""
+    """The noise "paper" is drawn on the first 24 of MANO's pose components (as in the released code
+    for GRAB), which needs the user's MANO files, or on each finger joint's axis-angle, which is
+    larger."""
     start_frames: Literal["paper", "zero"] = "paper"
     """HOI4D: the paper's first frame of each category, or frame 0 for all (released code)."""
     reach: Literal["paper", "code"] = "paper"

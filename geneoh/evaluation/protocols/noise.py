@@ -1,8 +1,9 @@
 """Noise on test clips: the paper's noise of each data set, and the other kinds.
 
-The paper adds noise to MANO's parameters: translation, global axis-angle, and the coefficients of
-the first 24 pose components. The noise depends only on the seed, the data set, the clip and the
-kind, so that order, limits and worker processes do not change it.
+The paper adds noise to MANO's translation, rotation and pose, and its text does not say in which
+parameters the pose is. Ours is in the coefficients of the first 24 pose components, as in the
+released code for GRAB; that for ARCTIC has poses of 45 angles. The noise depends only on the seed,
+the data set, the clip and the kind, so that order, limits and worker processes do not change it.
 """
 
 from collections.abc import Iterable
@@ -22,7 +23,7 @@ from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
 from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
 
-COMPONENTS = 24  # number of pose components of GRAB's hands, and of the paper's noise
+COMPONENTS = 24  # number of pose components of GRAB's hands in the released code
 Law = Literal["gauss", "beta"]  # distribution: standard normal, or Beta(8, 2)
 
 
@@ -59,7 +60,7 @@ def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) ->
     if options.finger_noise == "components" and options.mano_dir is None:
         raise MissingAssetError(
             f"{dataset}: expected the folder of MANO_RIGHT.pkl and MANO_LEFT.pkl, on whose pose "
-            "components the paper draws its noise, got none; register at https://mano.is.tue.mpg.de"
+            "components this noise is drawn, got none; register at https://mano.is.tue.mpg.de"
             ", download the models, and name their folder with --mano or GENEOH_MANO_DIR"
         )
 
