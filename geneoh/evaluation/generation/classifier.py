@@ -1,8 +1,8 @@
 """The action classifier whose features and scores evaluate generated clips.
 
 Text2HOI released no classifier, so scores with ours cannot be compared with the paper's. Ours reads
-15 frames spread over a clip (paper): both hands' keypoints in the world frame and the object frame,
-and the object's pose. It is trained on real clips that are not scored.
+15 frames spread over a clip, as its code does: both hands' keypoints in the world and the object's
+frame, and the object's pose. It is trained on real clips that are not scored.
 """
 
 import math
@@ -23,7 +23,7 @@ from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import Task, first_weights
 
-FRAMES_READ = 15  # frames of a clip in the input (paper)
+FRAMES_READ = 15  # frames of a clip in the input (the paper's code)
 PER_METRE = 5.0  # factor of positions, 1/m, by which inputs are of order one
 POINTS = 2 * 2 * 21 + 3  # keypoints in both frames, the object's position, two of its axes
 INPUTS = 3 * POINTS + 3  # features per frame; the last are the joint and the mask of hands

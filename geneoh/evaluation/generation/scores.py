@@ -26,7 +26,7 @@ from geneoh.metrics.features import (
 from geneoh.seeds import seeded_generator
 
 TOP = 3  # the k of the top-k accuracy (paper)
-REPETITIONS = 20  # random splits of the conditions (paper)
+REPETITIONS = 20  # random splits of the conditions (paper: 20 experiments)
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
 

@@ -155,7 +155,7 @@ class ClipBatch(Bundle):
 
 
 VALIDATED = 256  # largest number of validation clips in training
-POOL = 32  # clips from which the right one is retrieved (paper)
+POOL = 32  # clips from which the right one is retrieved (the paper's code)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ class HandsConfig(NetworkConfig):
     head_width: int = 256  # features of each head of the paper's form; ours divides the width
     frames_per_token: int = 6  # frames of a hand in one token (paper: 1, of both hands)
     frame: HandsFrame = "wrist"  # frame of hands (paper: the world for the body's network)
-    scaling: Scaling = "deviation"  # of features (paper: range)
+    scaling: Scaling = "deviation"  # of features (the paper's code: range)
     noise: float = 10.0
     """Factor on the noise of all levels; the paper's schedule has 1. Frames of a clip are so alike
     that the hands' motion shows through noise of up to 100 standard deviations; many levels need

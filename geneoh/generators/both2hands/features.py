@@ -5,8 +5,9 @@ paper's code takes rows). Joints of the left hand's fingers come before those of
 
 Source: BOTH2Hands, section 4.1 (positions and rotations in the world) and 4.2 (hands alone). In the
 frame "wrist", which is ours for the hands of both branches, a finger's position and rotation are in
-the frame of its wrist, as in section 4.2, and a body's in that of its pelvis' heading: the features
-of a hand's shape then do not depend on where the body goes.
+the frame of its wrist, as in the code for section 4.2 (the text has rotations from the parent), and
+a body's in that of its pelvis' heading: the features of a hand's shape then do not depend on where
+the body goes.
 """
 
 from typing import Literal

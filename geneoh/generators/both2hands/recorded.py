@@ -1,7 +1,8 @@
 """Training clips from the user's recordings of bodies: windows with the sentences on them.
 
-Source: BOTH2Hands, section 5: 30 frames a second, windows of 150. Ours: every window of a recording
-and not only the first, shorter recordings too, and whole recordings held out for validation.
+Source: BOTH2Hands, section 3 (clips of five seconds), and its code: 30 frames a second. Ours: every
+window of a recording and not only the first, shorter recordings too, and whole recordings held out
+for validation.
 """
 
 from collections import Counter

@@ -30,12 +30,13 @@ class Text2HoiConfig(RunConfig):
 
     balance: float = 0.5
     """A clip is drawn with the weight n^-balance, where n is the number of clips with its verb and
-    hands: 0 draws all clips equally often, 1 all pairs of verb and hands (paper: 1, sentences)."""
+    hands: 0 draws all clips equally often, 1 all pairs of verb and hands (code: 1, sentences)."""
     mirrored: float = 0.5  # share of the clips that are mirrored, left hands to right ones
     text_dropout: float = 0.1  # share of the clips whose sentence is dropped
     object_dropout: float = 0.1  # share of the clips whose object is dropped, independently
     estimated: float = 0.5
-    """Share of the clips with an estimated contact map in the place of the true one (paper: 0)."""
+    """Share of the clips with an estimated contact map in the place of the true one (paper: 1,
+    code: 0)."""
     divergence: float = 0.005  # weight of the KL divergence of the latent of contact maps
     contact: ContactConfig = field(default_factory=ContactConfig)
     interaction: InteractionConfig = field(default_factory=InteractionConfig)

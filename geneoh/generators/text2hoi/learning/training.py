@@ -213,7 +213,7 @@ def refiner_task_loss(
 ) -> Float[Tensor, ""]:
     """The loss of the refiner on clips that one pass of the interaction network denoised.
 
-    Source: Text2HOI, section 3.5 and its code. Object poses are predictions of that network too.
+    Source: Text2HOI, section 3.3 and its code. Object poses are predictions of that network too.
     """
     interaction = interaction.to(samples.text.device)
     with torch.no_grad():

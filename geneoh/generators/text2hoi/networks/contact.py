@@ -1,6 +1,6 @@
 """Contact maps of an object from its points and a sentence: a conditional VAE.
 
-Source: Text2HOI, section 3.3 and supplement. Ours: the points' normals, parts and sizes are inputs
+Source: Text2HOI, section 3.1 and supplement. Ours: the points' normals, parts and sizes are inputs
 too, and the decoder returns logits.
 """
 

@@ -1,6 +1,6 @@
 """The network that denoises hands and object together, conditioned on a sentence and an object.
 
-Source: Text2HOI, section 3.4 and supplement: a transformer over tokens of the left hand, the right
+Source: Text2HOI, section 3.2 and supplement: a transformer over tokens of the left hand, the right
 hand and the object of each frame, behind a token of the condition. It predicts the clean sample.
 Ours (`form="ours"`): several frames per token, in coordinates along their principal axes, with the
 Wiener estimate beside them; pre-norm blocks with rotary positions, whose output counts more the

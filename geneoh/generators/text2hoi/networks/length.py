@@ -1,7 +1,7 @@
 """The number of frames of an interaction from its sentence: a conditional VAE.
 
-Source: Text2HOI, supplement (length prediction). Ours: never fewer than 2 frames, and sizes that
-fit a text encoder of 128 features.
+Source: the code of Text2HOI; the paper, section 4.1, has a regression from noise. Ours: never fewer
+than 2 frames, and sizes that fit a text encoder of 128 features.
 """
 
 from dataclasses import dataclass
@@ -78,7 +78,7 @@ def length_loss(
     """Squared error of the length as a share of `LONGEST`, and KL divergence of the latent.
 
     Ours: means over the batch, and a weight of the KL divergence at which sampled lengths still
-    vary (paper: sums, with weight 1).
+    vary (the paper's code: sums, with weight 1).
     """
     share = length / LONGEST
     mean, log_variance = network.encode(share, text)

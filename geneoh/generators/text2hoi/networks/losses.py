@@ -1,8 +1,8 @@
 """Training losses of the interaction network.
 
-Source: Text2HOI, section 3.4: squared error of the features, of distances to the object where it is
-touched, and of the hands' orientations relative to the object. Ours: errors of keypoints and of
-their velocities in metres.
+Source: Text2HOI, equations (4) to (7): squared error of the features, of distances to the object
+where it is touched, and of the hands' orientations relative to the object. Ours: errors of
+keypoints and of their velocities in metres.
 """
 
 from dataclasses import dataclass
@@ -133,7 +133,8 @@ def distance_loss(
 ) -> Float[Tensor, ""]:
     """Squared error of the distances between object points and keypoints.
 
-    Only pairs that are truly within `TOUCHED` of each other count (paper), of random points.
+    Only pairs that are truly within `TOUCHED` of each other count (paper), of random points. Both
+    distances are to the object in the true state of its joint.
     """
     pick = drawn_points(contact, weights.points, draws)
     pick = pick[:, None, :, None].expand(-1, joints.shape[2], -1, 3)

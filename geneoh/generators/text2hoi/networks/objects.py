@@ -43,7 +43,7 @@ class Objects(Bundle):
 
     @property
     def scale(self) -> Float[Tensor, "B 1"]:
-        """Largest distance of a point from the centroid (paper, section 3.3), metres."""
+        """Largest distance of a point from the centroid (paper, section 3.1), metres."""
         apart = (self.points - self.centroid[:, None]).norm(dim=-1)
         return apart.amax(1, keepdim=True)
 
@@ -70,9 +70,9 @@ class Objects(Bundle):
 
 @torch.no_grad()
 def contact_maps(actions: Actions) -> Bool[Tensor, "B P"]:
-    """Points within `TOUCHED` of a keypoint of any hand that takes part, in any frame (paper 3.3).
+    """Points within `TOUCHED` of a keypoint of any hand that takes part, in any frame.
 
-    Only every `CONTACT_EVERY`-th frame is used.
+    Source: the code of Text2HOI. Ours: only every `CONTACT_EVERY`-th frame is used.
     """
     # clip by clip, so that all distances of a clip stay in the processor's cache
     return torch.cat([_near(actions.take(slice(i, i + 1), "B")) for i in range(len(actions.verb))])

@@ -20,7 +20,7 @@ from geneoh.readers.foreign_files import numbered_files, read_numbers, read_reco
 from geneoh.readers.sources.grab import contact_labels
 
 SHORTEST_CLIP = 20
-"""Frames, at 30 a second, of the shortest clip (paper)."""
+"""Frames, at 30 a second, of the shortest clip (the paper's code)."""
 
 _H2O_VERBS = {
     "grab": "book espresso lotion spray milk cocoa chips cappuccino",
@@ -49,7 +49,7 @@ _NOUNS = {noun.replace(" ", ""): noun for noun in _COMPOUNDS}
 _NOUNS |= {"cubemiddle": "cube", "stanfordbunny": "bunny"}
 """Nouns for objects whose names in the data sets are no nouns."""
 _LEFT_OUT = {("write", "notebook"), ("operate", "waffleiron"), ("push", "capsulemachine")}
-"""Actions on objects of ARCTIC that the paper leaves out: too few clips."""
+"""Actions on objects of ARCTIC that the paper's code leaves out: too few clips."""
 _TYPOS = {"grabing": "grab", "openning": "open", "labtop": "laptop", "graps": "grasp"}
 _LINE = re.compile(r"(\d+)\s*-\s*(\d+)\s+(\w+)\s*,?\s+(left|right|both)(?:\s+(\w+))?,?")
 
