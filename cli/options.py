@@ -186,10 +186,15 @@ device = option(
 )
 weights = option(
     "--weights: Folder of weights to use instead of the shipped ones: motion.safetensors, "
-    "spatial.safetensors and temporal.safetensors.",
+    "spatial.safetensors and temporal.safetensors, for the preset paper trajectory.safetensors, "
+    "relations.safetensors and latent.safetensors.",
     FOLDER,
 )
-steps = option("--steps: Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
+steps = option(
+    "--steps: Number of denoiser calls of MotionDiff and of rounds of SpatialDiff, in the preset "
+    "paper of calls in each stage.  [default: the preset's]",
+    COUNT,
+)
 cleaning = together(
     *(preset, samples, selection, steps, hand, mano, trust_and_refine, weights, seed),
     *(hand_delay, side_and_fps, device),

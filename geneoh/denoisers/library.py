@@ -18,9 +18,8 @@ from geneoh.nn.weights import file_or_shipped, load_network
 
 SHIPPED = Path(__file__).parent / "assets"  # the weights in the package, STAGE.safetensors
 CLEANING_STAGES = ("motion", "spatial", "temporal")
-"""Stages whose weights a user's folder must contain."""
 PAPER_STAGES = ("trajectory", "relations", "latent")
-"""The three stages in the paper's form; only the preset `paper` needs them."""
+"""The three stages in the paper's form; the preset `paper` needs these alone."""
 NETWORKS: dict[str, tuple[Any, Any]] = {
     "motion": (MotionDenoiser, MotionConfig),
     "spatial": (SpatialDenoiser, SpatialConfig),
@@ -50,14 +49,17 @@ class Denoisers:
 def load_denoisers(
     folder: Path | None = None, *, device: torch.device | str = "cpu", paper: bool = True
 ) -> Denoisers:
-    """The networks from a folder of STAGE.safetensors files, by default the shipped ones. `paper`
-    also loads the networks in the paper's form.
+    """The networks from a folder of STAGE.safetensors files, by default the shipped ones.
+
+    The folder must have those of `CLEANING_STAGES`, or for `paper` those of `PAPER_STAGES`. For
+    `paper` the others are loaded, too, the shipped ones where the folder has none.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.
     """
-    names = (*CLEANING_STAGES, *(PAPER_STAGES if paper else ()))
-    paths = [(folder or SHIPPED) / f"{name}.safetensors" for name in names]
+    paths = [stage_weights(name, folder) for name in (PAPER_STAGES if paper else CLEANING_STAGES)]
+    if paper:
+        paths += [file_or_shipped(name, folder, SHIPPED) for name in CLEANING_STAGES]
     place = torch.device(device)
     files = tuple((path, version_of(path)) for path in paths)
     return kept_denoisers(files, place, cleaning_precision(place))
@@ -89,13 +91,10 @@ def load_motion(folder: Path) -> MotionDenoiser:
 
 
 def stage_weights(name: str, folder: Path | None) -> Path:
-    """Path of a stage's weights: in the folder if given (stages of the paper's form only if they
-    are there), else the shipped file."""
-    if folder is not None and name in CLEANING_STAGES:
-        return folder / f"{name}.safetensors"
-    return file_or_shipped(name, folder, SHIPPED)
+    """Path of a stage's weights: in the folder if given, else the shipped file."""
+    return (folder or SHIPPED) / f"{name}.safetensors"
 
 
 def all_weights(folder: Path | None) -> list[Path]:
-    """Paths of the weights of all stages, which cleaning may read."""
+    """Paths of the weights of all stages, which cleaning may read; a folder may lack some."""
     return [stage_weights(name, folder) for name in (*CLEANING_STAGES, *PAPER_STAGES)]

@@ -51,7 +51,8 @@ class Options:
     """Folder of the user's MANO files. None leaves it to the environment variable GENEOH_MANO_DIR;
     the embedded hand needs no file."""
     weights: Path | None = None
-    """Folder of the networks' weights, as `geneoh train` writes it; None for those that ship."""
+    """Folder of the weights of the preset's three stages, as `geneoh train` writes it; None for
+    those that ship."""
     trust_object: bool = False
     """Whether the object's poses are taken as exact: they are neither examined nor cleaned, and no
     filter that the hand or the object went through is undone."""

@@ -5,10 +5,11 @@ from pathlib import Path
 
 from torch import Tensor
 
-from geneoh.baselines.networks import baseline_weights
+from geneoh.baselines.networks import BASELINES
+from geneoh.baselines.networks import SHIPPED as BASELINE_WEIGHTS
 from geneoh.choices import StageName
 from geneoh.config import as_dict, flat, setting_differences, with_table
-from geneoh.denoisers.library import stage_weights
+from geneoh.denoisers.library import SHIPPED
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
@@ -28,10 +29,8 @@ def started_from(
         CheckpointError: there are no weights of this version of the network.
         ConfigError: the config asks for another network size than that of the weights.
     """
-    if stage == "toch" or stage == "regression":
-        path = baseline_weights(stage, folder)
-    else:
-        path = stage_weights(stage, folder)
+    shipped = BASELINE_WEIGHTS if stage in BASELINES else SHIPPED
+    path = (folder or shipped) / f"{stage}.safetensors"
     saved, wanted = load_checkpoint(path), getattr(config, stage)
     try:
         size = dict(saved.record["config"][stage])

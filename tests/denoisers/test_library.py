@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from geneoh.denoisers.latent import LatentConfig, LatentDenoiser
-from geneoh.denoisers.library import PAPER_STAGES, load_denoisers
+from geneoh.denoisers.library import CLEANING_STAGES, PAPER_STAGES, load_denoisers
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
@@ -61,7 +61,7 @@ def test_networks_are_kept_until_a_file_of_theirs_changes(folder):
 def test_a_missing_stage_is_told(folder, stage):
     (folder / f"{stage}.safetensors").unlink()
     with pytest.raises(CheckpointError, match=rf"{stage}\.safetensors: expected weights there"):
-        load_denoisers(folder)
+        load_denoisers(folder, paper=stage in PAPER_STAGES)
 
 
 def test_the_three_stages_are_enough_where_the_papers_form_is_not_asked_for(folder):
@@ -70,6 +70,14 @@ def test_the_three_stages_are_enough_where_the_papers_form_is_not_asked_for(fold
     denoisers = load_denoisers(folder, paper=False)
     assert denoisers.trajectory is None
     assert denoisers.relations is None
+
+
+def test_the_papers_three_stages_are_enough_for_its_form(folder):
+    for stage in CLEANING_STAGES:
+        (folder / f"{stage}.safetensors").unlink()
+    denoisers = load_denoisers(folder, paper=True)
+    assert denoisers.latent is not None
+    assert denoisers.latent.config == NETWORKS["latent"].config
 
 
 def test_weights_of_another_network_are_refused(folder):

@@ -88,6 +88,12 @@ def test_settings_of_another_network_than_that_of_the_weights_are_refused(clips,
         started_from(tmp_path, "motion", other)
 
 
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_folder_without_weights_of_the_stage_is_refused(stage, tmp_path):
+    with pytest.raises(CheckpointError, match=rf"{stage}\.safetensors: expected weights there"):
+        started_from(tmp_path, stage, TrainConfig())
+
+
 def test_weights_of_another_network_are_refused(tmp_path):
     (tmp_path / "motion.safetensors").write_bytes((SHIPPED / "spatial.safetensors").read_bytes())
     with pytest.raises(CheckpointError, match="expected weights of this version's motion network"):
