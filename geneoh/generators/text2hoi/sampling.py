@@ -30,7 +30,7 @@ class Text2HoiSampling:
     """How actions are drawn from the networks."""
 
     sampler: Sampler = "multistep"
-    steps: int = STEPS  # denoising steps (paper: 1,000 ancestral ones)
+    steps: int = STEPS  # denoising steps (the paper's code: 1,000 ancestral ones)
     guidance: float = GUIDANCE
     """Classifier-free guidance scale: 1 takes the prediction with the sentence (paper); more
     extrapolates beyond it, away from the one without a sentence, at twice the time."""
