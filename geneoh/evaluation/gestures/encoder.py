@@ -1,9 +1,9 @@
 """The joint encoder of motions and sentences by which generated hands are scored.
 
-BOTH2Hands released no weights of its encoder, and with its code real clips score at chance: the
-class token is random in each call, and dropout stays on. Ours learns the token and the temperature
-and has no dropout. The contrastive loss has negatives with the hands of another clip, besides other
-clips, because the body alone already identifies many clips.
+With the encoder that BOTH2Hands released, real clips score at chance: its class token is random at
+every start, and dropout stays on. Ours learns the token and the temperature and has no dropout. The
+contrastive loss has negatives with the hands of another clip, besides other clips, because the body
+alone already identifies many clips.
 """
 
 import math
