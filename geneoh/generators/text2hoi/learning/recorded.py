@@ -2,8 +2,9 @@
 
 Source: Text2HOI, supplement, with the rules of its code: 30 frames a second, at most 150 of them; a
 hand takes part where one of its keypoints comes within 2 cm of one of 1,024 surface points of the
-object, or where the label names it. Ours: hands take part only if they are tracked in all frames,
-and the object frame is upright as the object rests in the first frame of the recording.
+object; where the label names hands, these take part and must come so near. Ours: hands take part
+only if they are tracked in all frames, and the object frame is upright as the object rests in the
+first frame of the recording.
 """
 
 from dataclasses import dataclass, replace
