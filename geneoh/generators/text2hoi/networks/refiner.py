@@ -157,9 +157,12 @@ def points_of(
 def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor, "B P"]) -> Actions:
     """The same clips with refined hands.
 
-    In our form the residual is smoothed over time, because each token is decoded separately.
+    In our form the residual is smoothed over time, because each token is decoded separately. In the
+    paper's form the contact map is binary, as in training.
     """
     tokens = tokens_of(actions, network.config.frame)
+    if network.config.form == "paper":
+        contact = (contact > 0.5).to(contact)
     points, touched, _ = points_of(actions, tokens, contact, network.config.points)
     hands = network(tokens, points, touched).hands
     if network.config.form == "ours":

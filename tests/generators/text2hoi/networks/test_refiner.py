@@ -69,6 +69,14 @@ def test_hands_change_and_nothing_else_does(form):
     assert found.length.equal(actions.length)
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_the_paper_s_form_is_told_a_contact_map_of_zeros_and_ones(form):
+    network, actions = network_of(form), made_actions()
+    likely = torch.linspace(0, 1, 48).expand(6, -1)
+    found, sure = (refined_by(network, actions, each).wrist for each in (likely, likely.round()))
+    assert found.equal(sure) == (form == "paper")
+
+
 @pytest.mark.parametrize(("form", "share"), [("ours", 0.1), ("paper", 1.0)])
 def test_the_change_of_our_form_is_smooth(form, share):
     network, actions = network_of(form), made_actions()
