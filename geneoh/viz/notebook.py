@@ -11,7 +11,9 @@ HEIGHT = 720  # of the frame around a page, pixels
 def is_in_notebook() -> bool:
     """Whether the code runs in a cell of a Jupyter notebook, such as in VS Code or Colab."""
     ipython = sys.modules.get("IPython")
-    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+    if ipython is None or "spyder_kernels" in sys.modules:  # Spyder's console shows no pages
+        return False
+    return hasattr(ipython.get_ipython(), "kernel")
 
 
 def show_below_cell(page: Path) -> None:

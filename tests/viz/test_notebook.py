@@ -44,6 +44,14 @@ def test_a_terminal_of_ipython_and_a_plain_python_open_the_browser(notebook, seq
         page.unlink()
 
 
+def test_the_console_of_spyder_opens_the_browser(notebook, sequences, monkeypatch):
+    monkeypatch.setitem(sys.modules, "spyder_kernels", ModuleType("spyder_kernels"))
+    page = view(sequences[1])
+    page.unlink()
+    assert notebook.opened
+    assert not notebook.shown
+
+
 def test_a_file_that_is_named_is_only_written(notebook, sequences, tmp_path):
     view(sequences[1], tmp_path / "page.html")
     assert not notebook.shown
