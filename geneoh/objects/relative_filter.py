@@ -134,8 +134,10 @@ class Comparison:
         """
         one, other = self.of_palm, self.of_part
         late = one.filter.delay > 0 > other.filter.delay
-        late = late and other.is_late(LEAST_LAG, *LAG_CONDITIONS)
-        if not one.is_wide and not (late and other.breadth < -LEAST_BREADTH):
+        lags = other.is_late(LEAST_LAG, *LAG_CONDITIONS)
+        if one.breadth > LEAST_BREADTH:
+            lags = lags or one.is_late(LEAST_LAG, *DELAY_CONDITIONS)
+        if not one.is_wide and not (late and lags and other.breadth < -LEAST_BREADTH):
             return None
         if one.is_wide or one.breadth > LEAST_BREADTH:
             return one.filter
@@ -171,7 +173,8 @@ def products(
     the palm's motion."""
     turns = motion.rotation[:, part].double().cpu().numpy()
     places = motion.translation[:, part].double().cpu().numpy()[:, None]
-    tips = np.concatenate([np.zeros((1, 3)), PALM_LEVER * np.eye(3)])
+    tips = PALM_LEVER * np.eye(4)[:, 1:]  # the centre, and a point on each axis of the palm
+    tips = np.concatenate([tips, -tips])  # on both sides of it, so that mirrored hands are equal
     points = np.einsum("tij,pj->tpi", palm.turns.as_matrix(), tips) + palm.places[:, None]
     seen = (points - places) @ turns  # from the part
     verts = motion.meshes[part].verts.cpu().numpy()

@@ -98,3 +98,26 @@ def test_an_object_at_rest_tells_nothing():
     place = clip.object.translation[:1].expand_as(clip.object.translation).clone()
     motion = type(clip.object)(clip.object.meshes, still, place)
     assert compared(motion, 0, palm_of(clip.hands[0]), clip.fps) is None
+
+
+def mirrored(sequence: Sequence) -> Sequence:
+    hands = tuple(hand.mirrored() for hand in sequence.hands)
+    return replace(sequence, hands=hands, object=sequence.object.mirrored())
+
+
+@pytest.mark.parametrize("kind", ["lag 0.3", "hand smooth 3"])
+def test_a_mirrored_hand_has_the_same_filter(kind):
+    filtered = filtered_as(with_noisy_hand(clip_of("recording"), "camera", 0), kind)
+    one, other = comparison(filtered), comparison(mirrored(filtered))
+    for found, same in ((one.of_part, other.of_part), (one.of_palm, other.of_palm)):
+        assert same.filter.delay == pytest.approx(found.filter.delay, abs=1e-6)
+        assert same.filter.variance == pytest.approx(found.filter.variance, abs=1e-7)
+
+
+@pytest.mark.parametrize("noise", ["clean", "gauss"])
+def test_a_hand_that_is_surely_late_is_filtered_even_if_the_variance_is_unsure(noise):
+    found = comparison(
+        filtered_as(with_noisy_hand(clip_of("kettle")[:90], noise, 0), "hand lag 0.3")
+    )
+    assert not found.of_palm.is_wide
+    assert found.filter_of_palm.delay == pytest.approx(7 / 3 * FRAME, abs=FRAME / 2)
