@@ -199,42 +199,48 @@ def averaged(sequence: Sequence, fps: float) -> Sequence:
 
     With q frames per frame of the lower rate, white noise falls by the square root of q. A sequence
     of no higher rate is returned as it is. Towards both ends the averaging window shrinks, and
-    stays symmetric.
+    stays symmetric. Frames without a hand, or without a pose of a part, do not count.
     """
     if sequence.fps <= fps:
         return sequence
-    mean = FrameMean(sequence.frames, sequence.fps / fps)
+    width, motion = sequence.fps / fps, sequence.object
+    of_parts = FrameMean(motion.observed, width)
     motion = replace(
-        sequence.object,
-        rotation=mean.rotations(sequence.object.rotation),
-        translation=mean.points(sequence.object.translation),
+        motion,
+        rotation=of_parts.rotations(motion.rotation),
+        translation=of_parts.points(motion.translation),
     )
-    hands = tuple(
-        with_frames(hand, hand.valid, mean.points, mean.pose)
-        for hand in map(blendable, sequence.hands)
-    )
-    return replace(sequence, hands=hands, object=motion)
+    hands = list[HandTrack]()
+    for hand in map(blendable, sequence.hands):
+        mean = FrameMean(hand.valid, width)
+        hands.append(with_frames(hand, hand.valid, mean.points, mean.pose))
+    return replace(sequence, hands=tuple(hands), object=motion)
 
 
 @dataclass(frozen=True)
 class FrameMean:
     """Moving average with a window of `width` frames, more than one, centred on each frame."""
 
-    frames: int
+    seen: Bool[Tensor, "T ..."]
+    """Frames that count. Two at the same distance before and after count together or not at all,
+    because one alone would shift the mean in time. Where none counts, the frame stays as it is."""
     width: float
 
     def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "T ..."]:
         """The moving average of values."""
-        frames = torch.arange(self.frames, device=values.device)
+        seen, frames = self.seen, torch.arange(len(values), device=values.device)
         to_ends = torch.minimum(frames, frames.flip(0)) + 0.5
-        half = to_ends.clamp(max=self.width / 2)
-        total = torch.zeros_like(values)
+        half = to_ends.clamp(max=self.width / 2).to(values).view(-1, *[1] * (seen.ndim - 1))
+        total, weight = torch.zeros_like(values), torch.zeros_like(seen, dtype=values.dtype)
+        behind = [1] * (values.ndim - seen.ndim)
         reach = int(self.width / 2 + 0.5)
         for offset in range(-reach, reach + 1):
-            share = (half - abs(offset) + 0.5).clamp(0, 1) / (2 * half)
-            there = values[(frames + offset).clamp(0, self.frames - 1)]
-            total += share.to(values).view(-1, *[1] * (values.ndim - 1)) * there
-        return total
+            there, opposite = ((frames + o).clamp(0, len(values) - 1) for o in (offset, -offset))
+            share = (half - abs(offset) + 0.5).clamp(0, 1) * (seen[there] & seen[opposite])
+            total += share.view(*seen.shape, *behind) * values[there]
+            weight += share
+        weight = weight.view(*seen.shape, *behind)
+        return torch.where(weight > 0, total / weight, values)
 
     def rotations(self, rotation: Float[Tensor, "T *N 3 3"]) -> Float[Tensor, "T *N 3 3"]:
         """The rotations nearest to the moving average of matrices."""

@@ -83,3 +83,13 @@ def test_keypoints_without_confidence_lend_no_numbers():
         for each in (holes, hand)
     )
     torch.testing.assert_close(slow, wanted, atol=1e-5, rtol=0)
+
+
+def test_frames_without_hand_or_pose_do_not_smooth_those_with_them():
+    given, seen = steady(), torch.arange(FRAMES) % 4 == 0
+    noise = 0.01 * torch.randn(FRAMES, 21, 3, generator=torch.Generator().manual_seed(0))
+    rare = replace(given.hands[0], valid=seen, joints=given.hands[0].joints + noise)
+    motion = replace(given.object, translation=noise[:, :1], valid=seen[:, None])
+    found = averaged(replace(given, hands=(rare,), object=motion), 30.0)
+    torch.testing.assert_close(found.hands[0].joints[seen], rare.joints[seen])
+    torch.testing.assert_close(found.object.translation[seen], motion.translation[seen])
