@@ -2,10 +2,10 @@
 
 A point is inside where the winding number exceeds a half in absolute value, so a mesh turned inside
 out is the same solid. Holes, several shells and overlapping parts need no repair (Jacobson et al.
-2013; fast form: Barill et al. 2018). Three defects are repaired: shells with all faces duplicated
-lose the copies, faces of a shell are oriented consistently, and an open sheet (a bowl without
-thickness) gets a wall, because no sign rule can distinguish its cavity from its inside. Solids are
-kept on the CPU, where libigl works.
+2013; fast form: Barill et al. 2018). Three defects are repaired: faces that are duplicated to show
+both sides lose the copies, faces of a shell are oriented consistently, and an open sheet (a bowl
+without thickness) gets a wall, because no sign rule can distinguish its cavity from its inside.
+Solids are kept on the CPU, where libigl works.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked_mesh, welded
-from geneoh.geometry.openings import connected, open_edges, rims, thickened
+from geneoh.geometry.openings import connected, edge_keys, open_edges, rims, thickened
 from geneoh.interrupts import interrupts_wait
 
 with interrupts_wait():
@@ -126,21 +126,35 @@ def build_solid(mesh: Mesh) -> Solid:
 
 
 def without_copies(mesh: Mesh) -> Mesh:
-    """The mesh without duplicate faces in shells whose faces all occur twice or more.
+    """The mesh without copies of faces, where all faces of a shell or some regions have one.
 
     Files for rendering duplicate faces to show both sides; the winding numbers of opposite faces
-    cancel, so nothing would be inside. A face that two bodies share stays twice.
+    cancel, so nothing would be inside. Three faces meet at the border of a region with copies, and
+    two without. A face that two bodies share stays twice: four meet at its edges, three without.
     """
-    same = numbered_places(mesh.faces)
+    faces, same = mesh.faces, numbered_places(mesh.faces)
     repeated = torch.bincount(same)[same] > 1
     if not bool(repeated.any()):
         return mesh
-    shell = connected(mesh.faces[:, [0, 1, 0, 2]].reshape(-1, 2))[mesh.faces[:, 0]]
-    kept = torch.zeros(int(shell.max()) + 1, dtype=torch.bool)
-    kept[shell[~repeated]] = True
     order = torch.arange(len(same))
     first = torch.full_like(order, len(order)).scatter_reduce(0, same, order, "amin")
-    return Mesh(mesh.verts, mesh.faces[kept[shell] | (first[same] == order)])
+    copy = first[same] != order
+    edge = torch.unique(edge_keys(faces), return_inverse=True)[1]
+    before, after = (
+        torch.bincount(edge[f].flatten(), minlength=len(edge) * 3) for f in (order, ~copy)
+    )
+    opened = (after % 2 - before % 2)[edge].sum(-1).masked_fill(copy, 0)  # edges of each face
+    patch, shell = bodies(faces[repeated]), bodies(faces)
+    opened_by = torch.zeros_like(order).index_add_(0, patch, opened[repeated])
+    mixed = torch.zeros_like(copy).index_fill_(0, shell[~repeated], True)
+    copy[repeated] &= (opened_by[patch] < 0) | ~mixed[shell[repeated]]
+    return Mesh(mesh.verts, faces[~copy])
+
+
+def bodies(faces: Int[Tensor, "F 3"]) -> Int[Tensor, " F"]:
+    """An index for each face, equal for faces that are connected by common vertices."""
+    body = connected(faces[:, [0, 1, 0, 2]].reshape(-1, 2))[faces[:, 0]]
+    return torch.unique(body, return_inverse=True)[1]  # vertices without a face are no bodies
 
 
 def numbered_places(faces: Int[Tensor, "F 3"]) -> Int[Tensor, " F"]:

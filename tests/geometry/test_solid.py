@@ -88,6 +88,15 @@ def test_faces_that_are_there_twice_are_one(torus, turned, own_vertices):
     assert len(build_solid(mesh).surface.faces) == len(torus.faces)
 
 
+@pytest.mark.parametrize("turned", [True, False])
+def test_faces_of_which_some_are_there_twice_are_one(torus, turned):
+    mesh = from_trimesh(torus)
+    again = mesh.faces[len(mesh.faces) // 3 :][: len(mesh.faces) // 2]
+    both = Mesh(mesh.verts, torch.cat([mesh.faces, again.flip(-1) if turned else again]))
+    assert_is_the_torus(both)
+    assert len(build_solid(both).surface.faces) == len(mesh.faces)
+
+
 def test_a_sheet_that_is_seen_from_either_side_has_a_wall():
     square = torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])
     faces = torch.tensor([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]])
