@@ -70,26 +70,17 @@ def winding_of(mesh: Mesh) -> igl.FastWindingNumberBVH:
     return winding
 
 
-def winding_numbers(
-    winding: igl.FastWindingNumberBVH,
-    points: Float64[np.ndarray, "P 3"],
-    thresholds: tuple[float, ...],
-) -> Float64[np.ndarray, " P"]:
-    """The winding number at each point, accurate where it is near one of the thresholds."""
-    if len(points) == 0:
-        return np.zeros(0)
-    number = np.asarray(winding.winding_number(np.ascontiguousarray(points), COARSE))
-    near = np.abs(np.subtract.outer(number, thresholds)).min(-1) < UNSURE
-    if near.any():
-        number[near] = winding.winding_number(np.ascontiguousarray(points[near]))
-    return number
-
-
 def winding_inside(
     winding: igl.FastWindingNumberBVH, points: Float64[np.ndarray, "P 3"]
 ) -> Bool[np.ndarray, " P"]:
     """Whether points are inside by the absolute winding number, whichever way the faces point."""
-    return np.abs(winding_numbers(winding, points, (-0.5, 0.5))) > 0.5
+    if len(points) == 0:
+        return np.zeros(0, dtype=bool)
+    number = np.abs(winding.winding_number(np.ascontiguousarray(points), COARSE))
+    near = np.abs(number - 0.5) < UNSURE
+    if near.any():
+        number[near] = np.abs(winding.winding_number(np.ascontiguousarray(points[near])))
+    return number > 0.5
 
 
 def build_solid(mesh: Mesh) -> Solid:
@@ -281,7 +272,10 @@ def sides(
 ) -> tuple[Bool[Tensor, " F"], Bool[Tensor, " F"]]:
     """Whether the inside lies in front of and behind each face, at one barycentric position."""
     weights = torch.tensor(probe, dtype=torch.float64)
-    points = (mesh.corners().double() * weights[:, None]).sum(-2) + mesh.face_normals() * PROBE
-    # Through a face, from its front to its back, the winding number grows by one.
-    number = torch.from_numpy(winding_numbers(winding, points.numpy(), (-1.5, -0.5, 0.5)))
-    return number.abs() > 0.5, (number + 1).abs() > 0.5
+    places = (mesh.corners().double() * weights[:, None]).sum(-2)
+    normals = PROBE * mesh.face_normals()
+    # Where faces coincide, the winding number grows through them by more or less than one.
+    ahead, behind = (
+        winding_inside(winding, p.numpy()) for p in (places + normals, places - normals)
+    )
+    return torch.from_numpy(ahead), torch.from_numpy(behind)

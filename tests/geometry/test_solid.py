@@ -104,10 +104,14 @@ def test_a_sheet_that_is_seen_from_either_side_has_a_wall():
     assert found.distance == pytest.approx(-0.0005, abs=1e-6)
 
 
-def test_boxes_that_share_a_wall_are_one_solid():
+@pytest.mark.parametrize("inside_out", [True, False])
+def test_boxes_that_share_a_wall_are_one_solid(inside_out):
     boxes = [trimesh.creation.box((0.1, 0.1, 0.1)) for _ in range(2)]
     boxes[1].apply_translation((0.1, 0, 0))
-    found = SurfaceDistance(from_trimesh(trimesh.util.concatenate(boxes)))
+    both = trimesh.util.concatenate(boxes)
+    if inside_out:
+        both.invert()
+    found = SurfaceDistance(from_trimesh(both))
     inside = torch.tensor([[[0.0, 0, 0], [0.05, 0, 0], [0.1, 0, 0]]])
     assert found.query(inside).distance[0].tolist() == pytest.approx([-0.05] * 3, abs=1e-5)
 
