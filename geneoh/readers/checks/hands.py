@@ -12,6 +12,7 @@ from torch import Tensor
 
 from geneoh.choices import OTHER_SIDE, Side
 from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.joint_orders import shorter_order
 from geneoh.readers.records import Array
 from geneoh.sequence.keypoints import KNUCKLES
@@ -167,7 +168,8 @@ def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, "
 
 def check_finger_bend(pose: Float[Tensor, "N 16 3"], side: Side) -> Iterator[str]:
     """Whether the pose bends the fingers the way that they can bend."""
-    bend = float(pose[:, MIDDLE_JOINTS, 2].mean())
+    shortest = matrix_to_axis_angle(axis_angle_to_matrix(pose[:, MIDDLE_JOINTS]))
+    bend = float(shortest[..., 2].mean())
     bend = bend if side == "right" else -bend
     if bend < -BACKWARD_LIMIT:
         other = OTHER_SIDE[side]

@@ -84,19 +84,27 @@ def check_wrist_motion(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
 
 
 def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
-    """Whether the hand moves with the object better under another interpretation."""
+    """Whether the hand moves with the part nearest to it better under another interpretation."""
     point = hand.wrist if hand.joints is None or hand.wrist is not None else hand.joints[:, 0]
     if point is None or not motion.meshes:
         return
-    parts = (point, motion.rotation[:, 0], motion.translation[:, 0])
-    wrist, turn, shift = (part.double().cpu().numpy() for part in parts)
-    steps = moving_steps(hand.valid.cpu().numpy(), wrist, turn, shift)
+    tracks = (point, motion.rotation, motion.translation)
+    wrist, turns, shifts = (track.double().cpu().numpy() for track in tracks)
+    valid, meshes = hand.valid.cpu().numpy(), motion.meshes
+    seen = np.flatnonzero(valid)
+    away = {
+        part: distance_to_ball((wrist, turns[:, part], shifts[:, part]), meshes[part], seen)
+        for part in motion.seen_parts
+    }
+    part = min(away, key=away.__getitem__, default=0)
+    turn, shift = turns[:, part], shifts[:, part]
+    steps = moving_steps(valid, wrist, turn, shift)
     if len(steps) < HOLDING_STEPS:
         return
     near = {
         words: in_object(*reading)
         for words, reading in interpretations(hand.side, wrist, turn, shift).items()
-        if distance_to_ball(reading, motion.meshes[0], steps) < TOUCHING_REACH
+        if distance_to_ball(reading, meshes[part], steps) < TOUCHING_REACH
     }
     held = in_object(wrist, turn, shift)
     others = {words: slip(local, steps) for words, local in near.items()}

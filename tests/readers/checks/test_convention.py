@@ -146,6 +146,30 @@ def test_a_flat_hand_is_not_taken_for_certain_as_the_other_one():
     assert "backward by 0.06 rad on average; unless the hand is flat" in said
 
 
+def test_a_whole_turn_about_an_axis_is_no_turn_of_a_finger():
+    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:60]
+    hand = sequence.hands[0]
+    angle = hand.pose.norm(dim=-1, keepdim=True)
+    other_way = hand.pose * (1 - 2 * torch.pi / angle)  # the same rotations
+    turned = replace(
+        hand, pose=torch.where(torch.arange(60)[:, None, None] < 40, other_way, hand.pose)
+    )
+    assert list(doubts(replace(sequence, hands=(turned,)), "taco")) == []
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_hand_is_compared_with_the_part_that_it_holds(first):
+    sequence = draw_clip("mug", 0, 60)
+    held = sequence.object
+    parts = [held.translation + torch.tensor([3.0, 0.0, 0.0]), held.translation]
+    motion = ObjectTrack(
+        held.meshes * 2,
+        held.rotation.repeat(1, 2, 1, 1),
+        torch.cat(parts if first else parts[::-1], 1),
+    )
+    assert list(doubts(replace(sequence, object=motion), "mug")) == []
+
+
 @pytest.mark.parametrize("turning", [True, False])
 def test_a_hand_that_rests_beside_a_moving_object_is_no_contradiction(turning, tmp_path, mano_dir):
     s = scene()
