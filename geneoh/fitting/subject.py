@@ -14,11 +14,14 @@ from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets, measure
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.hand.skeleton import forward_kinematics, rest_offsets
+from geneoh.hand.skeleton import forward_kinematics, rest_offsets, trust_of_bones
 from geneoh.sequence.gaps import Carrier, blendable
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015  # greatest mean distance of input joints to the posed hand's, metres
+OTHER_SKELETON = 0.002
+"""Root mean square difference of a tracker's rest offsets from those of the shaped hand, metres,
+from which its joints lie elsewhere: of the same skeleton, lasting errors explain 1 mm."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +37,30 @@ class Subject(Bundle):
     notes: tuple[str, ...]  # assumptions that were made, as sentences for the user
 
     def parameters(self) -> HandState:
-        """Pose parameters of the input, one sample; fitted to the keypoints if it has none."""
+        """Pose parameters of the input, one sample; fitted to the keypoints if it has none.
+
+        Keypoints of another skeleton are followed as loosely as it differs: a hand that follows
+        them closely bends and twists to reach joints that it does not have.
+        """
         if self.start is not None:
             return self.start
+        noise = self.keypoint_noise
+        found = self._fitted(noise)
+        other = self._other_skeleton(found)
+        return found if other < max(noise, OTHER_SKELETON) else self._fitted(other)
+
+    def _fitted(self, noise: float) -> HandState:
+        """Parameters fitted to keypoints with errors of this standard deviation, metres."""
         given = self.joints[None], self.fit_trust[None]
-        return fit_keypoints(*given, self.shaped, noise=self.keypoint_noise)
+        return fit_keypoints(*given, self.shaped, noise=noise)
+
+    def _other_skeleton(self, fitted: HandState) -> float:
+        """Root mean square difference of the tracker's own rest offsets from those of the fitted
+        hand, metres."""
+        own = own_skeleton(fitted, self.joints, self.trust, self.shaped)
+        known = trust_of_bones(self.trust).amax(0) > 0
+        apart = (own.offsets - self.shaped.offsets).square().sum(-1)[known]
+        return float(apart.mean().sqrt().nan_to_num(0.0))
 
     @property
     def keypoint_noise(self) -> float:

@@ -7,11 +7,12 @@ import torch
 
 from geneoh.fitting.twist import TOLD, turned_about_bones
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.skeleton import rest_offsets
+from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
+from geneoh.sequence.sequence import HandTrack
 
 
 @pytest.mark.slow
@@ -32,6 +33,18 @@ def test_poses_twisted_about_their_bones_are_cleaned_as_natural_ones(clean):
     moved = result.sequence.hands[0].joints - hand.joints
     assert moved.norm(dim=-1).mean() < 0.006
     assert TOLD in result.hands["left"].notes
+
+
+def test_keypoints_that_another_skeleton_places_elsewhere_stay_there(clean):
+    (hand,) = clean[40:100].hands
+    rotations = axis_angle_to_matrix(hand.pose)
+    skeleton = rest_offsets(rotations, hand.joints, hand.trust)
+    other = skeleton + 0.006 * torch.randn(20, 3, generator=torch.Generator().manual_seed(1))
+    joints, _ = forward_kinematics(rotations, hand.joints[:, 0], other)
+    alone = HandTrack(hand.side, hand.valid, joints=joints)
+    result = denoise(replace(clean[40:100], hands=(alone,)), preset="fast")
+    moved = result.sequence.hands[0].joints - joints
+    assert moved.norm(dim=-1).mean() < 0.009
 
 
 @pytest.fixture(scope="module")
