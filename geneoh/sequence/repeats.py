@@ -5,6 +5,7 @@ then rests for a frame and leaps in the next, and the hand shakes in the object 
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -12,7 +13,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import numbered
-from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.gaps import observed_around
+from geneoh.sequence.resample import CurvedInterpolation
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
@@ -27,13 +29,22 @@ FEWEST_STOPS, FEWEST_BRIEF_STOPS, BRIEF_FRAMES, REST_RATIO = 5, 3, 4, 2
 def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
     """The track with repeated poses replaced by interpolated ones, and notes about them.
 
-    The replaced poses are not `valid`.
+    The replaced poses are not `valid`. They follow cubic curves: five times a second, an object
+    that starts or stops is centimetres off the straight line from one pose to the next.
     """
     repeats = repeated_poses(motion)
     if not bool(repeats.any()):
         return motion, ()
     notes = tuple(repeat_notes(motion, repeats, "taken as missing"))
-    return fill_object(motion, ~repeats), notes
+    rotation, translation = motion.rotation.clone(), motion.translation.clone()
+    for part in torch.nonzero(repeats.any(0))[:, 0].tolist():
+        known = ~repeats[:, part]
+        between, place = observed_around(known), known.cumsum(0) - 1
+        curve = CurvedInterpolation(place[between.before], place[between.after], between.fraction)
+        rotation[:, part] = curve.rotations(motion.rotation[known, part : part + 1])[:, 0]
+        translation[:, part] = curve.points(motion.translation[known, part])
+    valid = ~repeats & motion.observed
+    return replace(motion, rotation=rotation, translation=translation, valid=valid), notes
 
 
 def repeat_notes(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -> Iterator[str]:
