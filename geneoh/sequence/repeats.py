@@ -75,11 +75,15 @@ def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
 
 
 def goes_on(steps: Float[Tensor, "N D"], stop: slice) -> bool:
-    """Whether the steps before and after a stop are leaps in the same direction.
+    """Whether leaps before and after a stop are in the same direction, or both between two stops.
 
-    An object that reverses its direction truly rests for a moment.
+    An object that reverses its direction truly rests for a moment, but moves in frames around it.
     """
     if stop.start == 0 or stop.stop == len(steps):
         return False
     before, after = steps[stop.start - 1], steps[stop.stop]
-    return bool(min(before.norm(), after.norm()) > LEAST_LEAP and before @ after > 0)
+    if min(before.norm(), after.norm()) <= LEAST_LEAP:
+        return False
+    beyond = torch.cat([steps[: stop.start - 1][-1:], steps[stop.stop + 1 :][:1]])
+    alone = len(beyond) == 2 and not bool(beyond.any())
+    return alone or bool(before @ after > 0)

@@ -77,3 +77,10 @@ def test_what_turns_back_stands_still_for_a_moment():
     place = to_and_fro[:, None, None] * torch.tensor([1.0, 0.0, 0.5])
     hammer = replace(swing(), rotation=torch.eye(3).repeat(FRAMES, 1, 1, 1), translation=place)
     assert without_repeats(hammer)[0] is hammer
+
+
+def test_what_turns_back_between_two_repeated_poses_goes_on():
+    along = torch.tensor([0.0, 1.0, -1.0, 1.0, 0.0, 1.0, 0.0, -1.0, 1.0, 0.0]).repeat_interleave(6)
+    place = 0.02 * along[:, None, None] * torch.tensor([1.0, 0.0, 0.5])
+    stirs = replace(swing(), rotation=torch.eye(3).repeat(FRAMES, 1, 1, 1), translation=place)
+    assert int(repeated_poses(stirs).sum()) == 8 * 5  # not in the first and the last stop
