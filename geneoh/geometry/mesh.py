@@ -180,8 +180,11 @@ def has_surface(mesh: Mesh) -> bool:
 
 
 def tidied(mesh: Mesh) -> Mesh:
-    """The same mesh in the same order, without unused vertices and faces that repeat a vertex."""
+    """The same mesh in the same order, without unused vertices and faces that repeat a vertex; the
+    mesh itself where it has none of these."""
     kept = mesh.faces[~repeats_a_vertex(mesh.faces)]
     used, faces = torch.unique(kept, return_inverse=True)
     parts = tuple(tidied(part) for part in mesh.parts)
+    if not parts and len(used) == len(mesh.verts) and len(kept) == len(mesh.faces):
+        return mesh
     return replace(mesh, verts=mesh.verts[used], faces=faces, parts=parts)

@@ -7,7 +7,7 @@ from pathlib import Path
 from torch import Tensor
 
 from geneoh.errors import InputError, numbered
-from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning
+from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning, tidied
 from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers.npz.files import load
 from geneoh.sequence.gaps import fill_object
@@ -46,26 +46,34 @@ def own(values: Tensor, found: list[bool]) -> Tensor:
 
 def checked_interaction(sequence: Sequence) -> Sequence:
     """The sequence with missing object poses filled, and without hand frames that are collapsed to
-    a point or all zero.
+    a point or all zero, and unused vertices.
 
     Raises:
         InputError: the first fault that is found: a mesh without a surface or in another unit than
             metres, or values that cannot be an interaction.
     """
-    refuse_meshes(sequence.object.meshes, sequence.source)
+    motion = sequence.object
+    if (meshes := checked_meshes(motion.meshes, sequence.source)) != motion.meshes:
+        motion = replace(motion, meshes=meshes)
     hands = tuple(map(without_collapsed, sequence.hands))
-    sequence = replace(sequence, hands=hands, object=fill_object(sequence.object))
+    sequence = replace(sequence, hands=hands, object=fill_object(motion))
     check_sequence(sequence, sequence.source)
     return sequence
 
 
-def refuse_meshes(meshes: Iterable[Mesh], source: str = "") -> None:
-    """Raise `InputError` for a mesh without a surface or in another unit than metres; `source`
-    names the meshes in the message."""
+def checked_meshes(meshes: Iterable[Mesh], source: str = "") -> tuple[Mesh, ...]:
+    """The meshes without unused vertices, which are in no file's mesh either.
+
+    Raises `InputError` for one without a surface or in another unit than metres; `source` names the
+    meshes in the message.
+    """
+    found = list[Mesh]()
     for mesh in meshes:
         name = str(mesh.source or source or "the mesh")
-        if warning := size_warning(checked_mesh(mesh, name)):
+        found.append(tidied(checked_mesh(mesh, name)))
+        if warning := size_warning(found[-1]):
             raise InputError(f"{name}: {warning}")
+    return tuple(found)
 
 
 def collapsed_sentences(sequence: Sequence) -> Iterator[str]:

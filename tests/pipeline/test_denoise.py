@@ -151,6 +151,13 @@ def test_keypoints_alone_are_enough(noisy, clean):
     assert result.sequence.hands[0].pose is not None
 
 
+def test_a_vertex_of_no_face_changes_nothing(noisy):
+    short, (mesh,) = noisy[40:70], noisy.object.meshes
+    far = torch.cat([mesh.verts, torch.tensor([[5.0, 5.0, 5.0]])])
+    more = replace(short, object=replace(short.object, meshes=(geneoh.Mesh(far, mesh.faces),)))
+    assert torch.equal(joints_of(denoise(short, FAST)), joints_of(denoise(more, FAST)))
+
+
 @pytest.mark.parametrize("frames", [1, 2, 20])
 def test_short_tracks_work(noisy, frames):
     result = denoise(noisy[60 : 60 + frames], FAST)

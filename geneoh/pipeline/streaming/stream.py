@@ -21,7 +21,7 @@ from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
-from geneoh.pipeline.inputs import refuse_meshes
+from geneoh.pipeline.inputs import checked_meshes
 from geneoh.pipeline.observed import DIGITS, CleanHand, Observed, between, clean_between
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
@@ -125,8 +125,7 @@ class Stream:
         self._source, self._fps, self._rate = source, fps, NETWORK_FPS / fps
         self._doubts: tuple[str, ...] = ()
         self._side: Side = side
-        self._meshes = meshes_of(meshes)
-        refuse_meshes(self._meshes)
+        self._meshes = checked_meshes(meshes_of(meshes))
         self._reads = partial(FrameReader, side, self._meshes, betas, hand_model)
         self._lag = within = round(lag * fps)
         if self._rate != 1:  # interpolation needs the network frames before and after
