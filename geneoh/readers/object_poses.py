@@ -93,8 +93,11 @@ class ObjectPoses:
         if self.number is not None and known.sum() == len(self.matrices) and not is_timed:
             poses = np.full((frames, *self.matrices.shape[1:]), np.nan)
             poses[known] = self.matrices
-            words = f"{self.first} to {self.first + len(self.matrices) - 1}"
-            return poses, (f"the object's poses are those of frames {words} of {frames}",)
+            own = f"{self.first} to {self.first + len(self.matrices) - 1}"
+            first, last = rows[[0, -1]] + self.first
+            return poses, (
+                f"the object's poses are of frames {own}, the hand of {first} to {last}",
+            )
         raise self._other_number(frames, where, clock, first)
 
     def _about_one_each(self, clock: Clock | None, first: int) -> Notes:

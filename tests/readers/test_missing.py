@@ -527,9 +527,13 @@ def test_texts_of_poses_are_taken_by_their_numbers(later, first):
     assert read.object.valid[:, 0].tolist() == [number != 6 for number in range(5, FRAMES + 5)]
 
 
-def test_texts_from_a_later_number_on_are_told_from_which(later):
+def test_texts_from_a_later_number_on_lack_the_first_poses_of_the_hand(later):
     (later / "poses").mkdir()
     for number in range(6, FRAMES + 5):
         np.savetxt(later / "poses" / f"{number}.txt", np.eye(4))
-    with pytest.raises(InputError, match=f"got {FRAMES - 1} from number 6 on; cut"):
+    found = geneoh.read("hamer", later / "video.pt", object_pose=later / "poses").object
+    assert found.valid[:, 0].tolist() == [False] + [True] * (FRAMES - 1)
+    np.savetxt(later / "poses" / f"{FRAMES + 5}.txt", np.eye(4))
+    (later / "poses" / "6.txt").unlink()
+    with pytest.raises(InputError, match=f"got {FRAMES - 1} from number 7 on; cut"):
         geneoh.read("hamer", later / "video.pt", object_pose=later / "poses")

@@ -330,7 +330,8 @@ def test_texts_of_a_folder_may_lack_the_first_and_last_frames(tmp_path, numbers)
     assert found.object.valid is not None
     assert np.flatnonzero(found.object.valid[:, 0]).tolist() == list(numbers)
     np.testing.assert_allclose(found.object.translation[list(numbers), 0], PLACES[list(numbers)])
-    assert f"those of frames {min(numbers)} to {max(numbers)} of 12" in found.source
+    own = f"of frames {min(numbers)} to {max(numbers)}"
+    assert f"the object's poses are {own}, the hand of 0 to 11" in found.source
     path = hand_of(tmp_path, TIMES[:6], fps=30.0)
     with pytest.raises(InputError, match="one for each of the 6 frames"):
         geneoh.load(path, object_pose=tmp_path / "ob_in_cam")
