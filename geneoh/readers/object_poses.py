@@ -81,24 +81,34 @@ class ObjectPoses:
             return self.at_times(clock.values, where)
         if len(self.matrices) == frames:
             return self.matrices, self._about_one_each(clock, first)
-        rows = first - self.first + np.arange(frames)
-        if clock is not None and not clock.is_of_times:
-            rows = np.rint(clock.values).astype(int) - self.first
-        if (first or rows[-1] >= frames) and rows[0] >= 0 and rows[-1] < len(self.matrices):
-            first, last = rows[[0, -1]] + self.first
-            words = f"of the object's {len(self.matrices)} poses those of frames {first} to {last}"
-            return self.matrices[rows], (words,)
-        known = (rows >= 0) & (rows < len(self.matrices))
-        is_timed = clock is not None and clock.is_of_times
-        if self.number is not None and known.sum() == len(self.matrices) and not is_timed:
-            poses = np.full((frames, *self.matrices.shape[1:]), np.nan)
-            poses[known] = self.matrices
-            own = f"{self.first} to {self.first + len(self.matrices) - 1}"
-            first, last = rows[[0, -1]] + self.first
-            return poses, (
-                f"the object's poses are of frames {own}, the hand of {first} to {last}",
-            )
+        if (found := self._by_number(frames, clock, first)) is not None:
+            return found
         raise self._other_number(frames, where, clock, first)
+
+    def _by_number(
+        self, frames: int, clock: Clock | None, first: int
+    ) -> tuple[Array, Notes] | None:
+        """The poses that have the numbers of the hand's frames, and a note.
+
+        None unless all of these frames have one, or all numbered poses are of these frames.
+        """
+        rows, is_timed = first - self.first + np.arange(frames), False
+        if clock is not None and not (is_timed := clock.is_of_times):
+            rows = np.rint(clock.values).astype(int) - self.first
+        known = (rows >= 0) & (rows < len(self.matrices))
+        is_part = (first or rows[-1] >= frames) and known.all()
+        is_whole = self.number is not None and known.sum() == len(self.matrices) and not is_timed
+        if not (is_part or is_whole):
+            return None
+        poses = np.full((frames, *self.matrices.shape[1:]), np.nan)
+        poses[known] = self.matrices[rows[known]]
+        own = f"{self.first} to {self.first + len(self.matrices) - 1}"
+        start, stop = rows[[0, -1]] + self.first
+        if is_part:
+            which = f"of the object's {len(self.matrices)} poses those of frames {start} to {stop}"
+        else:
+            which = f"the object's poses are of frames {own}, the hand of {start} to {stop}"
+        return poses, (which,)
 
     def _about_one_each(self, clock: Clock | None, first: int) -> Notes:
         """A note where poses are taken one for each frame although times or numbers are known."""
