@@ -32,8 +32,7 @@ class AdamFitConfig:
     shape: float = 0.0002
     """Weight of the mean squared betas."""
     smooth: float = 0.03
-    """Weight of the squared pose change between frames, a sum over the 45 finger angles; the public
-    code takes the mean over pose components."""
+    """Weight of the mean squared change of the finger pose between frames."""
 
 
 def fit_with_adam(
@@ -62,7 +61,7 @@ def fit_with_adam(
         each = config.joint_weight * apart + config.regular * fingers.square().mean((1, 2, 3))
         each = each + config.shape * betas.square().mean((1, 2))
         if frames > 1:
-            each = each + config.smooth * fingers.diff(dim=1).square().sum((-1, -2)).mean(1)
+            each = each + config.smooth * fingers.diff(dim=1).square().mean((1, 2, 3))
         return each.sum()
 
     wrist, orient = adam(
