@@ -255,7 +255,8 @@ class Sequence(Bundle):
         parts = len(self.object.meshes)
         around = f"object of {numbered(parts, 'part')}" if parts else "no object"
         frames = numbered(self.frames, "frame")
-        return f"{self.source}: {frames} at {self.fps:g} frames a second, {around}"
+        named = self.source or "sequence"
+        return f"{named}: {frames} at {self.fps:g} frames a second, {around}"
 
     __eq__ = equal_values
 

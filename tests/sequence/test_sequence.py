@@ -83,6 +83,8 @@ def test_sequences_are_equal_where_all_fields_are_and_show_in_one_line():
     assert sequence != replace(sequence, fps=25.0)
     assert sequence != "a.npz"
     assert repr(sequence) == "Sequence(left hand, 4 frames, 30 fps, source='a.npz')"
+    assert str(sequence) == "a.npz: 4 frames at 30 frames a second, no object"
+    assert str(replace(sequence, source="")).startswith("sequence: 4 frames")
 
 
 def test_tracks_and_meshes_are_equal_where_all_fields_are():
