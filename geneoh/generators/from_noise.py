@@ -14,8 +14,7 @@ from geneoh.progress import OnStep
 Answer = Callable[[Tensor, Float[Tensor, ""]], Tensor]
 """A denoiser: from noisy features and the index of their noise level, 0 to 1,000, to clean ones."""
 Sampler = Literal["multistep", "ancestral"]
-"""Sampler: "multistep", with few steps and no new noise, or "ancestral", as in
-the code of the papers."""
+"""Sampler: "multistep", with few steps and no new noise, or "ancestral", as in the papers' code."""
 
 
 def from_noise(

@@ -84,10 +84,14 @@ class HandResult(Bundle):
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
-    def lines(self) -> Iterator[str]:
-        """What changed, and notes, for people to read."""
+    def measures(self) -> Iterator[str]:
+        """Each measure before and after, indented, for people to read."""
         for line in before_and_after(self.before, self.after):
             yield f"  {line}"
+
+    def lines(self) -> Iterator[str]:
+        """What changed, and notes, for people to read."""
+        yield from self.measures()
         yield f"  keypoints moved by {1000 * self.moved:.1f} mm on average"
         if count := int(self.filled.sum()):
             frames = numbered(count, "unobserved frame")
@@ -151,8 +155,7 @@ class Denoised(Bundle):
         read of hands that a generator made."""
         for side, hand in self.hands.items():
             yield f"{side} hand:"
-            for line in before_and_after(hand.before, hand.after):
-                yield f"  {line}"
+            yield from hand.measures()
             for note in through_walls(hand.before, hand.after):
                 yield f"  note: {note}"
         yield from self.between_hands()

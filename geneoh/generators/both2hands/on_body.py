@@ -84,13 +84,13 @@ class BodyWithHands:
     def __str__(self) -> str:
         body, frames = self.body, numbered(self.body.frames, "frame")
         lines = [f"read {body.source}: {frames} at {body.fps:g} frames a second"]
-        lines += [*(f"note: {note}" for note in body.notes)]
-        lines += [*(self.refined.measures() if self.refined else ())]
+        lines += [f"note: {note}" for note in body.notes]
+        lines += self.refined.measures() if self.refined else ()
         if (apart := 1000 * self.wrists_apart()) > NOTED_DISTANCE_MM:
-            lines += [
+            lines.append(
                 f"note: the arms of the body stay: a wrist is up to {apart:.0f} mm off that of its "
                 "hand, and a BVH and the names of smplx have the body's"
-            ]
+            )
         return "\n".join(lines)
 
     def wrists_apart(self) -> float:

@@ -105,9 +105,10 @@ class Generated:
     def __str__(self) -> str:
         made, hands = self.sequence, " and ".join(hand.side for hand in self.sequence.hands)
         length = f"{numbered(made.frames, 'frame')}, {made.frames / made.fps:.1f} s"
-        lines = [*(f"note: {note}" for note in self.prompt.notes)]
-        lines += [f"{self.prompt.verb} with the {hands} hand: {length}"]
-        return "\n".join([*lines, *(self.refined.measures() if self.refined else ())])
+        lines = [f"note: {note}" for note in self.prompt.notes]
+        lines.append(f"{self.prompt.verb} with the {hands} hand: {length}")
+        lines += self.refined.measures() if self.refined else ()
+        return "\n".join(lines)
 
     def extra_arrays(self) -> Arrays:
         """`contact` (V,), `prompt`, `verb` and `notes` (N,), for `geneoh.save`."""

@@ -27,7 +27,7 @@ from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
 from geneoh.synthesis.actions.action import VERBS
 
 _VERB_WORDS = {verb: (*words, *READ_AS.get(verb, ())) for verb, words in WORDS.items()}
-"""Words of every class of verbs of the text encoder."""
+"""Words by which a sentence names the verbs that the text encoder knows."""
 EXAMPLE = '"pour from the kettle with the right hand"'
 
 JOINTED = ("open", "close")
