@@ -15,11 +15,13 @@ from geneoh.choices import Side
 from geneoh.denoisers.library import load_denoisers
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
+from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.refine import refine_object
+from geneoh.objects.still_frame import placed, placed_hand, still_frame
 from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
@@ -33,9 +35,9 @@ from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
-from geneoh.sequence.gaps import filled_poses
+from geneoh.sequence.gaps import filled_poses, moved
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.resample import nearest_frames, with_hands_earlier
+from geneoh.sequence.resample import nearest_frames, poses_over_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 LOG = logging.getLogger(__name__)
@@ -46,6 +48,10 @@ NO_OBJECT = (
 )
 OF_AN_OBJECT = ("trust_object", "refine_object", "hand_delay")
 """Options that have no effect without an object."""
+MOVING_CAMERA = (
+    "the camera moves: its motion was removed before the hand was cleaned, by the object while no "
+    "hand moves with it, and accelerations are measured without it"
+)
 POSES = "rotation", "translation"
 EXACT = "poses of the object are left as they are (--refine-object): they count as exact"
 
@@ -157,6 +163,14 @@ def clean_interaction(
     sequence = replace(sequence, hands=ready.hands)
     seen, ray_notes = with_found_rays(replace(sequence, object=ready.met), chosen)
     notes += [*ready.notes, *ray_notes]
+    still = None
+    if chosen.clean_object:
+        still = still_frame(seen.hands, seen.object, seen.fps, ready.relied)
+    undone = ready.undone
+    if still is not None:
+        seen = placed(seen, still)
+        undone = tuple(placed_hand(hand, still) for hand in undone)
+        notes.append(MOVING_CAMERA)
     normalised = normalised_hands(seen)
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
@@ -164,10 +178,10 @@ def clean_interaction(
     examination = ready.examination
     noise = None if examination is None else examination.white_noise
     run = HandRun(denoisers, chosen, noise, options.seed, on_progress)
-    undone = normalised_hands(replace(seen, hands=ready.undone)) if ready.undone else ()
-    fitted, in_each_other = kept_apart(_fitted(normalised, undone, ready.relied, run, options))
+    raw = normalised_hands(replace(seen, hands=undone)) if undone else ()
+    fitted, in_each_other = kept_apart(_fitted(normalised, raw, ready.relied, run, options))
     results: dict[Side, HandResult] = {
-        hand.side: _as_given(found.result(), hand, sequence.hand(hand.side))
+        hand.side: _as_given(found.result(), hand, sequence.hand(hand.side), still)
         for found, hand in zip(fitted, normalised, strict=True)
     }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
@@ -197,14 +211,21 @@ def _fitted(
     return fitted
 
 
-def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> HandResult:
-    """The result of a normalised hand at the frame rate, side and position of the input track."""
+def _as_given(
+    result: HandResult, hand: NormalisedHand, given: HandTrack, still: Rigid | None
+) -> HandResult:
+    """The result of a normalised hand at the frame rate, side and position of the input track, and
+    in its frame, which is at the poses `still` in the frame of the result."""
     result = result.to(given.valid.device)
+    track, samples = hand.track_to_user(result.track), hand.points_to_user(result.samples)
+    if still is not None:
+        track = moved(track, still.inverse())
+        samples = poses_over_frames(still, samples.shape[1]).inverse().apply(samples)
     return replace(
         result,
-        track=replace(hand.track_to_user(result.track), camera_ray=given.camera_ray),
+        track=replace(track, camera_ray=given.camera_ray),
         filled=~given.observed,
-        samples=hand.points_to_user(result.samples),
+        samples=samples,
         contact=None if result.contact is None else hand.frames_to_user(result.contact),
         evidence=hand.frames_to_user(result.evidence),
     )

@@ -8,6 +8,7 @@ from torch import Tensor
 from torch.nn.functional import max_pool1d
 
 from geneoh.errors import InputError
+from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     matrix_to_axis_angle,
@@ -104,6 +105,17 @@ def rotations_over_frames(
         return rotation
     between = evenly(len(rotation), frames, rotation.device)
     return CurvedInterpolation(**vars(between)).rotations(rotation)
+
+
+def poses_over_frames(poses: Rigid, frames: int) -> Rigid:
+    """A pose of each of T frames, over the same time in another number of frames; cubic curves."""
+    if frames == len(poses.rotation):
+        return poses
+    between = CurvedInterpolation(
+        **vars(evenly(len(poses.rotation), frames, poses.rotation.device))
+    )
+    rotation = between.rotations(poses.rotation[:, None])[:, 0]
+    return Rigid(rotation, between.points(poses.translation))
 
 
 @dataclass(frozen=True)

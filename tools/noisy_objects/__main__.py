@@ -3,7 +3,8 @@
 TABLE is `hands` (clean, noisy and camera hands of the recording with each noise of the object),
 `trusted` (the same with the object's poses as they are), `guard` (every noise of the hand with
 every noise of the object), `shaken` (hands that shake their object), `beside` and
-`hovering` (hands that move 6 or 1.5 cm beside an object and hold nothing), `round` (objects with
+`hovering` (hands that move 6 or 1.5 cm beside an object and hold nothing), `filmed` (a still and a
+moving camera), `filmed_trusted` (the same, without removal of its motion), `round` (objects with
 symmetry), `refined` (the object itself), `white` (the same with noise that does not drift),
 `filtered` (hands or objects that went through a filter, or come late, and the other did not),
 `alone` (hands without their object) or `limits` (what may be reached at best). SEEDS is 5 unless it

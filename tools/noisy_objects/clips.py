@@ -9,6 +9,7 @@ from typing import Literal, cast, get_args
 
 import torch
 from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from geneoh.choices import Noise, ObjectNoise
@@ -16,6 +17,7 @@ from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.objects.still_frame import placed
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
@@ -39,12 +41,19 @@ BESIDE = "beside "
 """Prefix of a clip's name: the mirrored hand moves beside the object and holds nothing."""
 HOVERING = "hovering "
 """The same, as near to the object as a touching hand may be."""
+FILMED = "filmed "
+"""The same clip in the frame of a camera on a moving head."""
 OFF, NEAR = 0.06, 0.015
 """Median over frames of the distance from its nearest keypoint to the object, metres, in clips
 `BESIDE` (at least) and `HOVERING`."""
 HERTZ, DEGREES, LEVER = 4.0, 25.0, 0.25
 """Frequency and amplitude of the shaking in the middle half of the clip, and distance in metres of
 its pivot from the wrist."""
+HEAD_SECONDS, HEAD_DEGREES, HEAD_SHIFT = 0.35, 12.0, 0.06
+"""Time scale of the head's motion (standard deviation of a Gaussian), and its size per axis as a
+standard deviation, in degrees and metres: it turns by 34 degrees per second per axis."""
+EYE = (0.0, 0.0, 0.5)
+"""Mean position of the object in the frame of the camera, metres."""
 SPINS = "spins"
 """Noise "flips", about an axis of symmetry of the mesh."""
 HandNoise = Literal[Noise, "clean"]
@@ -81,6 +90,8 @@ def clip_of(name: str) -> Sequence:
         return beside(clip_of(name.removeprefix(BESIDE)))
     if name.startswith(HOVERING):
         return hovering(clip_of(name.removeprefix(HOVERING)))
+    if name.startswith(FILMED):
+        return filmed(clip_of(name.removeprefix(FILMED)))
     if name == RECORDING:
         return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
@@ -107,6 +118,18 @@ def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -
             translation=(motion.translation - pivot) @ turn.mT + pivot,
         ),
     )
+
+
+def filmed(sequence: Sequence) -> Sequence:
+    """A clip in the frame of a camera on a moving head, which sees the object half a metre away."""
+    frames, generator = sequence.frames, seeded_generator("filmed", sequence.source)
+    sigma = HEAD_SECONDS * sequence.fps
+    noise = torch.randn(6, frames + round(8 * sigma), generator=generator).numpy()
+    smooth = gaussian_filter1d(noise, sigma) * (2 * math.pi**0.5 * sigma) ** 0.5
+    turn, shift = torch.from_numpy(smooth[:, round(4 * sigma) :][:, :frames]).mT.split(3, dim=1)
+    head = axis_angle_to_matrix(math.radians(HEAD_DEGREES) * turn)
+    camera = sequence.object.translation.mean((0, 1)) - torch.tensor(EYE)
+    return placed(sequence, Rigid(head, HEAD_SHIFT * shift - head @ camera))
 
 
 def hovering(sequence: Sequence) -> Sequence:

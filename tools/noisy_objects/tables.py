@@ -12,6 +12,7 @@ from geneoh.choices import NOISES, OBJECT_NOISES
 from tools.noisy_objects.cases import Case, Scores, rows
 from tools.noisy_objects.clips import (
     BESIDE,
+    FILMED,
     HOVERING,
     MADE,
     RECORDING,
@@ -32,6 +33,10 @@ HAND_NOISES = ("clean", *NOISES)
 SHAKES = ("exact", "shaky_2", "shaky_10")
 BESIDE_CLIPS = tuple(BESIDE + name for name in CLIPS)
 HOVERING_CLIPS = tuple(HOVERING + name for name in (RECORDING, "drawer", "bottle"))
+FILMED_CLIPS = tuple(
+    before + name for name in (RECORDING, "mug", "bottle", "pan") for before in ("", FILMED)
+)
+FILMED_NOISES = ("clean", "gauss", "beta", "bias")
 USUAL: dict[str, Any] = {"preset": "default"}
 Grid = tuple[Sequence[str], Sequence[Any], Sequence[Any], dict[str, Any]]
 GRIDS: dict[str, Grid] = {
@@ -46,6 +51,8 @@ GRIDS: dict[str, Grid] = {
     "shaken": (tuple(SHAKEN + name for name in CLIPS), HAND_NOISES, SHAKES, {}),
     "beside": (BESIDE_CLIPS, HAND_NOISES, ("exact", "shaky_10"), {}),
     "hovering": (HOVERING_CLIPS, HAND_NOISES, ("exact", "shaky_10"), {}),
+    "filmed": (FILMED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
+    "filmed_trusted": (FILMED_CLIPS, FILMED_NOISES, ("exact",), {"trusted": True}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
     "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),
     "white": (CLIPS, ("gauss",), get_args(WhiteNoise), {}),

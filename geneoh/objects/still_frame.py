@@ -1,0 +1,137 @@
+"""The still frame of a scene that a moving camera sees, such as one on a head.
+
+The networks learned from clips whose world is at rest, where an object that moves is held. In the
+frame of a moving camera an object at rest moves too, and a hand that reaches for it would be
+corrected as if it held it. So the camera's motion is estimated by the object's motion while no hand
+moves with it. While a hand does, the motions of camera and object cannot be distinguished, and the
+camera counts as still.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+
+from geneoh.geometry.rigid import Rigid
+from geneoh.objects.evidence import distance_of_parts, placed_vertices, share_between
+from geneoh.sequence.gaps import filled_keypoints, moved
+from geneoh.sequence.keypoints import PALM
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+
+NEAR, AWAY = 0.05, 0.10
+"""Distance of the nearest keypoint to a part, metres: up to the first bound the hand may move with
+it, from the second on it does not. Keypoints lie 10 mm inside the hand."""
+WITH, OVER = 0.03, 0.10
+"""The same for the speed of the palm over the part, metres per second."""
+RATE_FRAMES = 4.0
+"""Standard deviation, in frames at 30 a second, of the Gaussian that smooths tracks for their
+speeds: of 10 mm of white noise it leaves 14 mm per second."""
+RESTING, MOVING = 0.03, 0.06
+"""Speed of a part's surface up to which it rests, and from which it moves, metres per second."""
+SELDOM = 0.1
+"""Share of the frames in which an object rests from which on the camera stands still."""
+FREE_SECONDS = 1 / 3
+"""Least time in which no hand moves with the object, for an estimate of the camera's motion."""
+RELIED = 0.4
+"""Least mean reliability of the poses of each part: noise looks like motion of the camera too."""
+
+
+def still_frame(
+    hands: Iterable[HandTrack], motion: ObjectTrack, fps: float, relied: Float[Tensor, "T Q"]
+) -> Rigid | None:
+    """The pose of the given frame in the still frame, in each video frame; None where the given one
+    seems to be still, or the object does not show its motion.
+
+    The camera moves where the object hardly ever rests, and moves while no hand moves with it. The
+    still frame is that of the first video frame. `motion` is the cleaned track, and `relied` the
+    reliability of its poses, 0 to 1 (`geneoh.objects.evidence`).
+    """
+    if bool((relied.mean(0) < RELIED).any()):
+        return None
+    held = held_shares(hands, motion, fps)
+    parts = range(motion.rotation.shape[1])
+    speeds = np.stack([speed_of(placed_vertices(motion, part), fps) for part in parts], 1)
+    free = held.argmin(1)[:, None]
+    least, speed = (np.take_along_axis(x, free, 1)[:, 0] for x in (held, speeds))
+    is_free = least < 0.5
+    if (speeds < RESTING).any(1).mean() > SELDOM or is_free.sum() < FREE_SECONDS * fps:
+        return None
+    return stilled(motion, held) if np.median(speed[is_free]) > MOVING else None
+
+
+def held_shares(
+    hands: Iterable[HandTrack], motion: ObjectTrack, fps: float
+) -> Float64[np.ndarray, "T Q"]:
+    """Degree, 0 to 1, to which some hand is at each part and moves with it."""
+    surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
+    for hand in hands:
+        joints = filled_keypoints(hand)
+        smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
+        points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
+        near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
+        for part, (_, pose) in enumerate(surface.parts):
+            over = speed_of(pose.inverse().apply(joints[:, list(PALM)]), fps)
+            along = share_between(torch.from_numpy(over), WITH, OVER).numpy()
+            found[:, part] = np.maximum(found[:, part], near[:, part] * along)
+    return found
+
+
+def speed_of(points: Float[Tensor, "T P 3"], fps: float) -> Float64[np.ndarray, " T"]:
+    """Mean speed of some points, metres per second, of their smoothed tracks."""
+    tracks, sigma = points.cpu().double().numpy(), RATE_FRAMES * fps / 30
+    rates = gaussian_filter1d(tracks, sigma, axis=0, order=1, mode="nearest")
+    return np.linalg.norm(rates, axis=-1).mean(-1) * fps
+
+
+def stilled(motion: ObjectTrack, held: Float64[np.ndarray, "T Q"]) -> Rigid:
+    """The pose of the given frame in the one in which the least held part moves, from each frame to
+    the next, by the share of its motion to which it is held."""
+    frames, least = len(held), np.minimum(held[:-1], held[1:])
+    part, share = least.argmin(1), least.min(1)
+    steps, poses = np.arange(frames - 1), matrices_of(motion)
+    before, after = poses[steps, part], poses[steps + 1, part]
+    step = np.linalg.inv(before) @ after
+    turn = Rotation.from_matrix(step[:, :3, :3]).as_rotvec()
+    step[:, :3, :3] = Rotation.from_rotvec(share[:, None] * turn).as_matrix()
+    step[:, :3, 3] *= share[:, None]
+    changes = before @ step @ np.linalg.inv(after)
+    still = np.tile(np.eye(4), (frames, 1, 1))
+    for frame, change in enumerate(changes):
+        still[frame + 1] = still[frame] @ change
+    turns = Rotation.from_matrix(still[:, :3, :3]).as_matrix()
+    return Rigid(*(torch.from_numpy(x).to(motion.rotation) for x in (turns, still[:, :3, 3])))
+
+
+def matrices_of(motion: ObjectTrack) -> Float64[np.ndarray, "T Q 4 4"]:
+    """The poses of all parts as matrices."""
+    found = np.tile(np.eye(4), (*motion.rotation.shape[:2], 1, 1))
+    found[..., :3, :3] = motion.rotation.cpu().double().numpy()
+    found[..., :3, 3] = motion.translation.cpu().double().numpy()
+    return found
+
+
+def placed(sequence: Sequence, pose: Rigid) -> Sequence:
+    """A sequence after a rigid motion of hands, camera rays and object in each frame."""
+    return replace(
+        sequence,
+        hands=tuple(placed_hand(hand, pose) for hand in sequence.hands),
+        object=replace(
+            sequence.object,
+            rotation=pose.rotation[:, None] @ sequence.object.rotation,
+            translation=pose.apply(sequence.object.translation),
+        ),
+    )
+
+
+def placed_hand(hand: HandTrack, pose: Rigid) -> HandTrack:
+    """A hand and its camera ray after a rigid motion in each frame."""
+    ray = hand.camera_ray
+    if ray is not None:
+        ray = (pose.rotation @ ray[..., None])[..., 0]
+    return replace(moved(hand, pose), camera_ray=ray)
