@@ -16,8 +16,8 @@ from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.object_poses import ObjectPoses
 from geneoh.readers.places import Place
+from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs

@@ -24,7 +24,7 @@ from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz.files import save_sequence
-from geneoh.readers.object_poses import ObjectPoses
+from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.recordings import check_recording, read_clip, refuse_unused
 from geneoh.readers.registry import Source
 from geneoh.sequence.sequence import Sequence

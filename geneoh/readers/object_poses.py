@@ -1,17 +1,16 @@
-"""The caller's object poses, and how they are matched with the frames of a hand."""
+"""Read the object poses that a caller passes as an array, a file or a folder."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.choices import Unit
-from geneoh.errors import InputError, numbered
+from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
-from geneoh.readers.clock import EVEN, GAP_FRAMES, TIME_NAMES, Clock, is_column
+from geneoh.readers.clock import TIME_NAMES, is_column
 from geneoh.readers.foreign_files import (
     by_frame,
     frame_number,
@@ -19,15 +18,15 @@ from geneoh.readers.foreign_files import (
     numbered_files,
     read_numbers,
 )
+from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.pose_tables import with_bottom_row
-from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record
+from geneoh.readers.records import FRAME_LIMIT, Array, Record
 from geneoh.readers.trajectories import (
     in_seconds,
     is_text,
     read_trajectory,
     refuse_other_lengths,
 )
-from geneoh.readers.transforms import refuse_other_matrices
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4), (4, 4), (3, 4))
 """Accepted shapes of object poses; those without T are a single pose."""
@@ -42,148 +41,6 @@ IN_A_TEXT = (
     "or axis-angle make one"
 )
 """What to do about a text that holds no matrix."""
-
-
-@dataclass(frozen=True)
-class ObjectPoses:
-    """The caller's object poses, object to the hand's frame, with frame numbers or times."""
-
-    matrices: Array
-    """(T, 4, 4) or (T, Q, 4, 4), NaN where the object was lost."""
-    number: int | None = None
-    """Frame number of the first pose, where it is known."""
-    times: Array | None = None
-    """(T,) seconds, where they are known."""
-    unit: Unit | None = None
-    """Unit of the lengths, where the format fixes it; the caller's where it does not."""
-
-    @property
-    def first(self) -> int:
-        """Frame number of the first pose, 0 where it is unknown."""
-        return self.number or 0
-
-    def of_frames(
-        self, frames: int, where: str, clock: Clock | None, first: int = 0
-    ) -> tuple[Array, Notes]:
-        """The poses at a hand's frames, the first of which has the number `first`, and notes.
-
-        They are matched by timestamps if both have them. Else there is one pose per frame, a single
-        pose for all frames, or those of a whole video, which are matched by frame number; numbered
-        poses may lack the first and the last frames.
-
-        Raises:
-            InputError: the times do not overlap, or the number of poses fits none of these cases.
-        """
-        if len(self.matrices) == 1 < frames:
-            about = "the object's one pose was taken for all frames, in which it does not move"
-            return np.repeat(self.matrices, frames, axis=0), (about,)
-        if self.times is not None and clock is not None and clock.is_of_times:
-            return self.at_times(clock.values, where)
-        if len(self.matrices) == frames:
-            return self.matrices, self._about_one_each(clock, first)
-        if (found := self._by_number(frames, clock, first)) is not None:
-            return found
-        raise self._other_number(frames, where, clock, first)
-
-    def _by_number(
-        self, frames: int, clock: Clock | None, first: int
-    ) -> tuple[Array, Notes] | None:
-        """The poses that have the numbers of the hand's frames, and a note.
-
-        None unless all of these frames have one, or all numbered poses are of these frames.
-        """
-        rows, is_timed = first - self.first + np.arange(frames), False
-        if clock is not None and not (is_timed := clock.is_of_times):
-            rows = np.rint(clock.values).astype(int) - self.first
-        known = (rows >= 0) & (rows < len(self.matrices))
-        is_part = (first or rows[-1] >= frames) and known.all()
-        is_whole = self.number is not None and known.sum() == len(self.matrices) and not is_timed
-        if not (is_part or is_whole):
-            return None
-        poses = np.full((frames, *self.matrices.shape[1:]), np.nan)
-        poses[known] = self.matrices[rows[known]]
-        own = f"{self.first} to {self.first + len(self.matrices) - 1}"
-        start, stop = rows[[0, -1]] + self.first
-        if is_part:
-            which = f"of the object's {len(self.matrices)} poses those of frames {start} to {stop}"
-        else:
-            which = f"the object's poses are of frames {own}, the hand of {start} to {stop}"
-        return poses, (which,)
-
-    def _about_one_each(self, clock: Clock | None, first: int) -> Notes:
-        """A note where poses are taken one for each frame although times or numbers are known."""
-        number = first if clock is None else round(clock.values[0])
-        is_numbered = clock is not None or first > 0
-        if clock is not None and clock.is_of_times:
-            known = "the hand has times and the object's poses none"
-        elif self.times is not None:
-            known = "the object's poses have times and the hand none"
-        elif self.first and is_numbered and number != self.first:
-            known = f"the object's poses begin with frame {self.first} and the hand with {number}"
-        else:
-            return ()
-        return (f"{known}: taken one for each frame",)
-
-    def _other_number(self, frames: int, where: str, clock: Clock | None, first: int) -> InputError:
-        """The error for a number of poses that does not fit the frames."""
-        which = f", which are numbers {first} to {first + frames - 1}," if first else ","
-        got = f"{len(self.matrices)}" + (f" from number {self.first} on" if self.first else "")
-        cure = "cut them to the same frames"
-        if len(self.matrices) < frames:
-            cure += ", or write NaN for the first or last ones where the object was not found"
-        if self.times is not None:
-            cure += ", or save the times of the hand's frames, too, as 'timestamps'"
-        elif clock is not None and clock.is_of_times:
-            cure += ", or save the times of the poses, too, as numbers in a column 'timestamp'"
-        return InputError(
-            f"{where}: the object's poses must be one for each of the {frames} frames{which} got "
-            f"{got}; {cure}"
-        )
-
-    def at_times(self, seconds: Array, where: str) -> tuple[Array, Notes]:
-        """The poses at (N,) times, interpolated between near ones, NaN where none is near."""
-        assert self.times is not None
-        parts = self.matrices.reshape(len(self.times), -1, 4, 4)
-        record = Record(where, {}, "correct the object's poses")
-        refuse_other_matrices(record, "object_pose", parts[..., :3, :3])
-        found = [pose_at(seconds, self.times, parts[:, part]) for part in range(parts.shape[1])]
-        poses = np.stack(found, axis=1).reshape(len(seconds), *self.matrices.shape[1:])
-        lost = np.isnan(poses).any(tuple(range(1, poses.ndim)))
-        if lost.all():
-            raise InputError(
-                f"{where}: the object's poses must be of the times of the hand, "
-                f"{seconds[0]:.12g} to {seconds[-1]:.12g} s, got {self.times[0]:.12g} to "
-                f"{self.times[-1]:.12g} s; write both by one clock"
-            )
-        if len(seconds) == len(self.times) and np.allclose(seconds, self.times, 0, 1e-6):
-            return poses, ()
-        words = f"the object's {len(self.times)} poses were brought to the times of the hand"
-        gaps = f", none of them near {numbered(int(lost.sum()), 'frame')}"
-        return poses, (words + gaps * bool(lost.any()),)
-
-
-def pose_at(seconds: Array, times: Array, poses: Array) -> Array:
-    """(N, 4, 4) poses of one part at (N,) times, interpolated from (T, 4, 4) at (T,) times."""
-    usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    known = np.isfinite(poses).all((-1, -2))
-    times, poses = times[known], poses[known]
-    result = np.full((len(seconds), 4, 4), np.nan)
-    if not len(times):
-        return result
-    after = np.searchsorted(times, seconds).clip(max=len(times) - 1)
-    before = (np.searchsorted(times, seconds, "right") - 1).clip(min=0)
-    apart = np.minimum(np.abs(times[after] - seconds), np.abs(times[before] - seconds))
-    between = (times[before] <= seconds) & (seconds <= times[after])
-    seen = (apart <= EVEN * usual) | (
-        between & (times[after] - times[before] <= GAP_FRAMES * usual)
-    )
-    at = seconds[seen].clip(times[0], times[-1])
-    turns = Rotation.from_matrix(poses[:, :3, :3])
-    result[seen, :3, :3] = (Slerp(times, turns)(at) if len(times) > 1 else turns).as_matrix()
-    for axis in range(3):
-        result[seen, axis, 3] = np.interp(at, times, poses[:, axis, 3])
-    result[seen, 3] = [0.0, 0.0, 0.0, 1.0]
-    return result
 
 
 def pose_field(record: Record, name: str, unit: str = "") -> Array:
@@ -222,8 +79,7 @@ def read_poses(path: Path) -> ObjectPoses:
     if os.path.isdir(path):
         return poses_in_folder(path)
     if is_text(path):
-        found = read_trajectory(path)
-        return ObjectPoses(found.poses, found.first, found.times, found.unit)
+        return read_trajectory(path)
     value = read_values(path)
     fields = value if isinstance(value, dict) else {"array": value}
     arrays = {name: each for name, each in fields.items() if isinstance(each, Array)}

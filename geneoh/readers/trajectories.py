@@ -8,20 +8,19 @@ xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4 are whole matrices.
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of
 from geneoh.readers import bop
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
 from geneoh.readers.column_names import plain_name
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text, time_in
+from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.pose_tables import (
     TO_NAME,
     Table,
@@ -44,20 +43,6 @@ HIGHEST_RATE = 2000.0
 """Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """Poses of one object, object to the hand's frame."""
-
-    poses: Array
-    """(T, 4, 4), NaN where one is missing."""
-    first: int | None
-    """Number of the first frame, where frames are numbered."""
-    times: Array | None
-    """(T,) seconds, where they are known."""
-    unit: Unit | None
-    """Unit of the lengths, where the format fixes it."""
-
-
 def is_text(path: Path) -> bool:
     """Whether a file is a text, judged by its first bytes and its ending."""
     head = head_of(path)
@@ -65,7 +50,7 @@ def is_text(path: Path) -> bool:
     return bool(head) and not binary and path.suffix.lower() not in PICKLES
 
 
-def read_trajectory(path: Path) -> Trajectory:
+def read_trajectory(path: Path) -> ObjectPoses:
     """The poses in a table or in JSON."""
     is_json = head_of(path).lstrip()[:1] in (b"{", b"[")
     found = table_in_json(read_json(path), path) if is_json else table_in_text(path)
@@ -77,7 +62,7 @@ def read_trajectory(path: Path) -> Trajectory:
     times = column_called(found, TIME_NAMES)
     seconds = None if times is None else in_seconds(path, *times)
     if numbers is None:
-        return Trajectory(poses, None, seconds, found.unit)
+        return ObjectPoses(poses, None, seconds, found.unit)
     refuse_fall(path, *numbers)
     at = numbers[1]
     if (at != np.rint(at)).any() or at[-1] - at[0] >= FRAME_LIMIT:
@@ -86,7 +71,7 @@ def read_trajectory(path: Path) -> Trajectory:
     every = np.arange(int(at[-1]) + 1 - first)
     numbered = dict(zip((at - first).astype(int).tolist(), poses, strict=True))
     seconds = None if seconds is None else np.interp(every, at - first, seconds)
-    return Trajectory(by_frame(numbered, len(every), 4, 4), first, seconds, found.unit)
+    return ObjectPoses(by_frame(numbered, len(every), 4, 4), first, seconds, found.unit)
 
 
 def table_in_text(path: Path) -> Table:

@@ -19,7 +19,7 @@ from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.convert import convert, notes_on
 from geneoh.readers.npz.files import load
-from geneoh.readers.object_poses import ObjectPoses
+from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.recordings import find_clips, read_one, source_named
 from geneoh.readers.sources import landmarks
 from geneoh.sequence.sequence import Sequence

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.readers.object_poses import ObjectPoses, poses_of, read_poses
+from geneoh.readers.object_poses import poses_of, read_poses
+from geneoh.readers.pose_matching import ObjectPoses
 
 FRAMES = 12
 TURNS = Rotation.from_rotvec(np.linspace([0.1, 0.2, 0.3], [0.5, 0.1, 0.9], FRAMES))

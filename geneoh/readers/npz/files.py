@@ -33,8 +33,9 @@ from geneoh.readers.npz.meshes import (
     notes_on_meshes,
 )
 from geneoh.readers.npz.objects import notes_on_gaps, read_object
-from geneoh.readers.object_poses import ObjectPoses, pose_field, poses_of
+from geneoh.readers.object_poses import pose_field, poses_of
 from geneoh.readers.places import Place, place_of
+from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.recordings import read_recording
 from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
