@@ -15,7 +15,7 @@ def info(mano: Path | None, as_json: bool) -> None:
 
     With --json also weights of the generators, and how all were trained.
     """
-    from geneoh.files.json_text import json_text
+    from geneoh.files.text import json_text
 
     from .. import environment
 

@@ -37,8 +37,8 @@ def realism(
     import geneoh
     from geneoh.evaluation.realism import measure_realism, table
     from geneoh.files.atomic import write_whole
-    from geneoh.files.json_text import json_text
     from geneoh.files.outputs import check_outputs
+    from geneoh.files.text import json_text
 
     if output is not None:
         read = [recording, *obj, data]

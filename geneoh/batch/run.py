@@ -19,8 +19,8 @@ from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError
 from geneoh.files import journal
 from geneoh.files.fingerprints import file_digests, is_done
-from geneoh.files.json_text import with_nan
 from geneoh.files.outputs import keep_others
+from geneoh.files.text import with_nan
 from geneoh.progress import OnProgress
 from geneoh.workers.cluster import on_cluster
 from geneoh.workers.pool import results_of

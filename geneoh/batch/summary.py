@@ -9,8 +9,7 @@ from typing import Any
 from geneoh.batch.cleaning import CleaningOutcome
 from geneoh.errors import numbered
 from geneoh.files.atomic import write_whole
-from geneoh.files.csv_text import csv_text
-from geneoh.files.html_text import link
+from geneoh.files.text import csv_text, link
 from geneoh.metrics.report import LINES, format_number
 
 SUMMARY_FILES = ("summary.csv", "summary.html")

@@ -19,8 +19,8 @@ from geneoh.choices import PresetName
 from geneoh.config import setting_differences
 from geneoh.errors import ConfigError, GeneOHError, InputError
 from geneoh.files.atomic import write_whole
-from geneoh.files.json_text import json_text, with_null
 from geneoh.files.reading import read_bytes
+from geneoh.files.text import json_text, with_null
 from geneoh.progress import OnProgress
 
 GENERATOR = "geneoh bench"

@@ -12,11 +12,9 @@ from geneoh.evaluation import plots, tables
 from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.files.atomic import write_whole
-from geneoh.files.csv_text import csv_text
-from geneoh.files.html_text import link
 from geneoh.files.journal import SCORED
-from geneoh.files.json_text import json_text
 from geneoh.files.outputs import keep_others
+from geneoh.files.text import csv_text, json_text, link
 
 BEST_FILTER_NOTE = (
     "† The filter and size, or offset, that are best on the very clip, chosen with the ground "

@@ -10,7 +10,7 @@ from typing import Any
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import make_folder, unwritable, write_whole
-from geneoh.files.json_text import json_text
+from geneoh.files.text import json_text
 
 LOCK = ".geneoh.lock"
 JOURNALS = CONVERTED, CLEANED, SCORED = "converted.jsonl", "journal.jsonl", "scores.jsonl"

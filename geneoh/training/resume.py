@@ -14,7 +14,7 @@ from geneoh.choices import STAGES
 from geneoh.config import flat
 from geneoh.errors import CheckpointError
 from geneoh.files.atomic import write_whole
-from geneoh.files.csv_text import csv_text
+from geneoh.files.text import csv_text
 from geneoh.nn.checkpoint import Checkpoint
 from geneoh.nn.precision import quick_precision
 from geneoh.training.optimizer import Optimizer

@@ -11,9 +11,8 @@ from geneoh.bundle import show_text
 from geneoh.evaluation.generation.scores import MEASURES, Column, RowScores
 from geneoh.evaluation.report import made_with
 from geneoh.files.atomic import write_whole
-from geneoh.files.csv_text import csv_text
-from geneoh.files.json_text import json_text
 from geneoh.files.outputs import is_ours, keep_others
+from geneoh.files.text import csv_text, json_text
 from geneoh.metrics.features import Interval, interval
 
 FILES = ("generation.json", "generation.csv", "generation.md")

@@ -1,8 +1,25 @@
-"""JSON for other programs, without NaN and infinity, which the format lacks."""
+"""Text for other programs: CSV, links of HTML pages, and JSON without NaN, which it lacks."""
 
+import csv
+import html
+import io
 import json
+from collections.abc import Iterable
 from math import isfinite, nan
 from typing import Any
+from urllib.parse import quote
+
+
+def csv_text(rows: Iterable[Iterable[Any]]) -> str:
+    """Rows as CSV, a line each."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(rows)
+    return stream.getvalue()
+
+
+def link(file: str, words: str) -> str:
+    """A link of a page to a file beside it; its name may hold any letter."""
+    return f'<a href="{quote(file)}">{html.escape(words)}</a>'
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
