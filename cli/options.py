@@ -98,7 +98,7 @@ class Place(click.ParamType):
     def convert(self, value: Any, param: Any, ctx: Any) -> tuple[float, ...]:
         """Three numbers."""
         from geneoh.errors import InputError
-        from geneoh.readers.places import place_in
+        from geneoh.readers.base import place_in
 
         try:
             return place_in(value)

@@ -24,11 +24,10 @@ from geneoh.files.journal import CLEANED, is_journal
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text, refuse_missing, table_in
 from geneoh.pipeline.options import Options
-from geneoh.readers.base import SourceClip
+from geneoh.readers.base import SourceClip, place_in
 from geneoh.readers.column_names import coordinate_in
 from geneoh.readers.foreign_files import number_in
 from geneoh.readers.meshes import mesh_beside
-from geneoh.readers.places import place_in
 from geneoh.readers.recordings import find_clips as find_source_clips
 from geneoh.readers.recordings import source_named, with_distinct_names
 

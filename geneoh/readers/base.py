@@ -5,22 +5,25 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
 from geneoh.choices import OF_SOURCES, JointOrder, PoseFrame, Side, Translation, Unit
-from geneoh.errors import ConfigError
+from geneoh.errors import ConfigError, InputError
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.places import Place
 from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
+
+Place = tuple[float | int, float | int, float | int]
+"""A point of the world, metres."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,29 @@ class ReaderOptions:
     def mano(self, side: Side, left_hand: ManoName = AS_SHIPPED) -> Mano | None:
         """The user's MANO model of one side; None without `mano_dir`."""
         return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
+
+
+def place_of(given: Any, caller: str) -> Place:
+    """A camera's position passed from Python, as numbers or as a text for `place_in`."""
+    if not isinstance(given, str):
+        record = Record(caller, {"camera": given}, "give X, Y and Z in metres, or 'origin'")
+        x, y, z = record.array("camera", (3,)).tolist()
+        return x, y, z
+    try:
+        return place_in(given)
+    except InputError as error:
+        raise InputError(f"{caller}: 'camera' must be a place: {error}") from None
+
+
+def place_in(text: str) -> Place:
+    """A point from the text `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
+    try:
+        x, y, z = (0.0, 0.0, 0.0) if text.lower() == "origin" else map(float, text.split(","))
+    except ValueError:
+        raise InputError(
+            f"expected three numbers X,Y,Z in metres, or origin, got {text!r}; correct it"
+        ) from None
+    return x, y, z
 
 
 MOVED_DISTANCE = 0.03

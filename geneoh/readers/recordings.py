@@ -21,9 +21,9 @@ from geneoh.readers.base import (
     SourceClip,
     clip_name,
     fit_for_name,
+    place_of,
 )
 from geneoh.readers.object_poses import poses_of
-from geneoh.readers.places import place_of
 from geneoh.readers.records import Array
 from geneoh.readers.registry import SOURCES, Source
 from geneoh.sequence.distance_check import check_distance

@@ -17,6 +17,7 @@ from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
+from geneoh.readers.base import Place, place_of
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import with_parts
@@ -34,7 +35,6 @@ from geneoh.readers.npz.meshes import (
 )
 from geneoh.readers.npz.objects import notes_on_gaps, read_object
 from geneoh.readers.object_poses import pose_field, poses_of
-from geneoh.readers.places import Place, place_of
 from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.recordings import read_recording
 from geneoh.readers.records import Array, Notes, Record, float32
