@@ -14,8 +14,7 @@ from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.bvh import read_bvh
 from geneoh.readers.bodies.smpl import OFFSETS, read_smpl
 from geneoh.readers.npz.files import with_callers
-from geneoh.readers.npz.meshes import find_meshes, folder_of
-from geneoh.readers.npz.objects import read_object
+from geneoh.readers.npz.objects import find_meshes, folder_of, read_object
 from geneoh.readers.object_poses import poses_of
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack

@@ -21,19 +21,9 @@ from geneoh.readers.base import Place, place_of
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import with_parts
-from geneoh.readers.npz import layouts
+from geneoh.readers.npz import layouts, objects
 from geneoh.readers.npz.hands import read_hands
 from geneoh.readers.npz.layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
-from geneoh.readers.npz.meshes import (
-    FILES,
-    HASHES,
-    IN_NO_FILE,
-    find_meshes,
-    folder_of,
-    mesh_arrays,
-    notes_on_meshes,
-)
-from geneoh.readers.npz.objects import notes_on_gaps, read_object
 from geneoh.readers.object_poses import pose_field, poses_of
 from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.recordings import read_recording
@@ -123,8 +113,10 @@ def load(
     record = in_metres(record, layout, keypoint_unit)
     record = with_callers(record, "obj_pose", poses and poses.matrices)
     record = with_callers(record, "camera_position", camera)
-    about_mesh = () if meshes is None else notes_on_meshes(record, meshes)
-    meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, folder_of(path))
+    if meshes is None:
+        about_mesh, (meshes, missing) = (), objects.find_meshes(record, objects.folder_of(path))
+    else:
+        about_mesh, missing = objects.notes_on_meshes(record, meshes), ""
     # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
@@ -210,8 +202,8 @@ def sequence_in(
         poses, about_poses = object_poses.of_frames(hands[0].frames, record.where, clock)
         record = replace(record, values={**record.values, "obj_pose": poses})
         notes = (*about_poses, *notes)
-    motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
-    about_object += notes_on_gaps(motion)
+    motion, about_object = with_parts(objects.read_object(record, meshes, hands[0].frames))
+    about_object += objects.notes_on_gaps(motion)
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
     if clock is not None and sequence.frames == hands[0].frames:
         sequence, _ = clock.even(sequence)
@@ -246,13 +238,15 @@ def save_sequence(
     """
     path = Path(path)
     check_tracks(sequence)
-    meshes = mesh_arrays(sequence.object.meshes, folder_of(path))
+    meshes = objects.mesh_arrays(sequence.object.meshes, objects.folder_of(path))
     arrays = sequence_arrays(sequence) | meshes
     if taken := arrays.keys() & (extra or {}).keys():
         raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
     write_archive(path, {**arrays, **(extra or {})})
-    if HASHES in meshes and FILES not in meshes:
-        LOG.warning("%s: %s; give it again, as obj, when the file is read", path, IN_NO_FILE)
+    if objects.HASHES in meshes and objects.FILES not in meshes:
+        LOG.warning(
+            "%s: %s; give it again, as obj, when the file is read", path, objects.IN_NO_FILE
+        )
 
 
 def sequence_arrays(sequence: Sequence) -> Arrays:
