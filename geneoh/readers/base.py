@@ -173,7 +173,7 @@ class CrossChecks(Bundle):
     """Contradictions that only the reader of the source can see, as sentences."""
 
 
-def stated(side: Side, points: Array | None) -> dict[Side, Array]:
+def by_side(side: Side, points: Array | None) -> dict[Side, Array]:
     """The stored points of one hand by its side; empty where there are none."""
     return {} if points is None else {side: points}
 
@@ -191,7 +191,7 @@ class ClipParts:
     motion: Array | None = None
     """(T, 4, 4) or (T, Q, 4, 4) object to world in metres, NaN where unknown; None for a source
     without an object, for which the caller's poses are used."""
-    stated: ObjectTrack | None = None
+    object_track: ObjectTrack | None = None
     """The object's track, with the caller's meshes, where a source that usually has no object
     stores one."""
     name: str = ""

@@ -12,12 +12,11 @@ import torch
 from geneoh.body.motion import PosedBody
 from geneoh.body.skeleton import WRISTS
 from geneoh.choices import Side
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
 from geneoh.readers import transforms
 from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, finite_frames
-from geneoh.readers.clock import Clock
 from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
 from geneoh.readers.records import Array, Notes, Record, float32
@@ -182,45 +181,6 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
     parts = motion if motion.ndim == 4 else motion[:, None]
     rotation, translation = float32(parts[..., :3, :3]), float32(parts[..., :3, 3])
     return fill_object(ObjectTrack(tuple(meshes), rotation, translation))
-
-
-IN_WORLD_NOTE = (
-    "the object's poses are taken to lead to the world; where they lead to the frame of the moving "
-    "camera, pass --object-pose-frame camera"
-)
-
-
-def callers_object(
-    options: ReaderOptions,
-    frames: int,
-    where: str,
-    clock: Clock | None,
-    first: int,
-    camera_poses: Array | None,
-) -> tuple[ObjectTrack, Notes]:
-    """The caller's object for a source without one; without --object-pose, one without meshes."""
-    if options.object_pose is None and options.meshes:
-        raise InputError(
-            f"{where}: the mesh in --obj needs the poses of the object, got none; pass "
-            "--object-pose POSES.npy, with the identity in every frame for an object that stands "
-            "still at the origin, or leave --obj out to clean the hand alone"
-        )
-    if options.object_pose is None:
-        if options.object_pose_frame != "world":
-            raise ConfigError("--object-pose-frame: needs --object-pose, got none; drop it")
-        return ObjectTrack.resting((), frames), ("the source has no object; give one with --obj",)
-    poses, notes = options.object_pose.of_frames(frames, where, clock, first)
-    transforms.refuse_bottom_row(where, "the poses in --object-pose", poses)
-    if options.object_pose_frame == "camera":
-        if camera_poses is None:
-            raise InputError(
-                f"{where}: --object-pose-frame camera needs the poses of the camera, got none; "
-                "keep the source's files of it in their place, or give poses in the world"
-            )
-        poses = np.einsum("tij,t...jk->t...ik", camera_poses, poses)
-    elif camera_poses is not None:
-        notes = (*notes, IN_WORLD_NOTE)
-    return object_track(options.meshes, poses), notes
 
 
 def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.readers import base, builders, meshes
 from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
 from geneoh.readers.clock import Clock, rate_of, timing_of
@@ -23,6 +23,11 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 Matches = Iterable[Path]
 """Files and folders that match a reader's patterns."""
+
+IN_WORLD_NOTE = (
+    "the object's poses are taken to lead to the world; where they lead to the frame of the moving "
+    "camera, pass --object-pose-frame camera"
+)
 
 
 @dataclass(frozen=True)
@@ -120,14 +125,42 @@ def _object_of(
     parts: ClipParts, options: ReaderOptions, clock: Clock | None, where: str
 ) -> tuple[ObjectTrack, Notes]:
     """The object of an interaction, or the caller's if the source has none; and notes."""
-    if parts.stated is not None:
-        return parts.stated, ()
+    if parts.object_track is not None:
+        return parts.object_track, ()
     if parts.motion is None:
-        about = clock, parts.first, parts.camera_poses
-        return builders.callers_object(options, parts.frames, where, *about)
+        return _callers_object(parts, options, clock, where)
     kept = frames_to_keep(parts, len(parts.motion))
     refuse_bottom_row(where, "the object's poses", parts.motion, kept)
     return builders.object_track(parts.meshes.values(), parts.motion), ()
+
+
+def _callers_object(
+    parts: ClipParts, options: ReaderOptions, clock: Clock | None, where: str
+) -> tuple[ObjectTrack, Notes]:
+    """The caller's object for a source without one; without --object-pose, one without meshes."""
+    if options.object_pose is None and options.meshes:
+        raise InputError(
+            f"{where}: the mesh in --obj needs the poses of the object, got none; pass "
+            "--object-pose POSES.npy, with the identity in every frame for an object that stands "
+            "still at the origin, or leave --obj out to clean the hand alone"
+        )
+    if options.object_pose is None:
+        if options.object_pose_frame != "world":
+            raise ConfigError("--object-pose-frame: needs --object-pose, got none; drop it")
+        about = "the source has no object; give one with --obj"
+        return ObjectTrack.resting((), parts.frames), (about,)
+    poses, notes = options.object_pose.of_frames(parts.frames, where, clock, parts.first)
+    refuse_bottom_row(where, "the poses in --object-pose", poses)
+    if options.object_pose_frame == "camera":
+        if parts.camera_poses is None:
+            raise InputError(
+                f"{where}: --object-pose-frame camera needs the poses of the camera, got none; "
+                "keep the source's files of it in their place, or give poses in the world"
+            )
+        poses = np.einsum("tij,t...jk->t...ik", parts.camera_poses, poses)
+    elif parts.camera_poses is not None:
+        notes = (*notes, IN_WORLD_NOTE)
+    return builders.object_track(options.meshes, poses), notes
 
 
 def _hands_of(

@@ -121,7 +121,7 @@ def beside_hand(record: Record, options: base.ReaderOptions, notes: Notes) -> di
         motion, unit = read_object(record, options.meshes, 1), METRES[options.keypoint_unit or "m"]
         motion = replace(motion, translation=unit * motion.translation)
     camera = unread(record, layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
-    return {"stamps": record, "stated": motion, "notes": (*notes, *camera)}
+    return {"stamps": record, "object_track": motion, "notes": (*notes, *camera)}
 
 
 def unread(record: Record, names: Iterable[str], beside: str) -> Notes:

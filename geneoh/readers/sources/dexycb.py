@@ -61,7 +61,7 @@ def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     found = (placed != NO_OBJECT).any(-1, keepdims=True)
     motion = transforms.rigid_of_xyzw(np.where(found, placed, np.nan)[:, grasped])
     meshes = {f"dexycb_{name}": mesh}
-    checks = base.CrossChecks(base.stated(side, joints))
+    checks = base.CrossChecks(base.by_side(side, joints))
     yield base.ClipParts(
         f"DexYCB {clip.name}", hands, meshes, motion, notes=notes, cross_checks=checks
     )

@@ -53,7 +53,7 @@ def fphab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         raise InputError(f"{clip.path}: expected an action with juice, soap, milk or salt")
     folder = (options.objects or root / "Object_models") / f"{name}_model"
     hand = builders.hand_by_frame("right", fits, frames, "fullpose", "trans", "shape")
-    joints = base.stated("right", read_skeleton(root, way, frames))
+    joints = base.by_side("right", read_skeleton(root, way, frames))
     checks = base.CrossChecks(joints, tolerance=SENSOR_TOLERANCE)
     meshes = {f"fphab_{name}": find_mesh([folder / f"{name}_model.ply"], name)}
     source = f"FPHAB {clip.name} (fits of Hasson et al.)"

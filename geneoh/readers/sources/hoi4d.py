@@ -109,7 +109,7 @@ def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
         hand = replace(hand, joints=builders.joints_if_complete(joints, hand.pose))
     named = {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)}
     found = _exchanged_parts(meshes, motion[base.finite_frames(motion)])
-    stated = base.stated("right", joints if np.isfinite(joints).any() else None)
+    stated = base.by_side("right", joints if np.isfinite(joints).any() else None)
     checks = base.CrossChecks(stated, contradictions=found)
     notes = ("camera frame", *_idle_options(motion.shape[1], options))
     source = f"HOI4D {clip.name} (GeneOH)"

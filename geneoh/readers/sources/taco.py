@@ -70,8 +70,8 @@ def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
     pose, wrist = record.array("hand_pose", ("T", 48)), record.array("hand_trans", ("T", 3))
     shape = record.array("hand_shape", (10,))
     hand = base.ManoParameters(side, pose, wrist, shape, joints=joints)
-    rim = base.stated(side, None if verts is None else verts[:, mano.RIM].mean(1))
-    checks = base.CrossChecks(base.stated(side, joints), rim, object_points=points)
+    rim = base.by_side(side, None if verts is None else verts[:, mano.RIM].mean(1))
+    checks = base.CrossChecks(base.by_side(side, joints), rim, object_points=points)
     yield base.ClipParts(
         f"{clip.path.name} (simplified TACO pickle)",
         [hand],
