@@ -114,24 +114,17 @@ def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
     """The wanted columns of a CSV as arrays by name; a cell that is no number becomes NaN."""
     try:
         with open_text(path, TABLE_LIMIT) as file:
-            names, columns = read_columns(path, csv.reader(file), wanted)
+            rows = csv.reader(file)
+            names = [name.strip() for name in next(rows, [])]
+            columns = {at: growing("d") for at, name in enumerate(names) if wanted.fullmatch(name)}
+            for row in rows:
+                if len(row) != len(names):
+                    raise InputError(f"{path}: expected rows as long as the heading; copy it again")
+                for at, column in columns.items():
+                    column.append(number_in(row[at]))
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); copy it again") from None
-    return Record(str(path), {names[index]: np.array(column) for index, column in columns.items()})
-
-
-def read_columns(
-    path: Path, rows: Any, wanted: re.Pattern[str]
-) -> tuple[list[str], dict[int, growing]]:
-    """Names of all columns of a table, and the numbers of those that are wanted."""
-    names = [name.strip() for name in next(rows, [])]
-    columns = {index: growing("d") for index, name in enumerate(names) if wanted.fullmatch(name)}
-    for row in rows:
-        if len(row) != len(names):
-            raise InputError(f"{path}: expected rows as long as the heading; copy it again")
-        for index, column in columns.items():
-            column.append(number_in(row[index]))
-    return names, columns
+    return Record(str(path), {names[at]: np.array(column) for at, column in columns.items()})
 
 
 def number_in(text: str) -> float:
