@@ -6,7 +6,7 @@ sentences.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -70,22 +70,17 @@ def read_source_bodies(
     Raises:
         InputError: the file holds no body that can be read; the message says why.
     """
-    read: dict[BodySource, Callable[[Path, Path | None], Iterator[SourceBody]]] = {
-        "both57m": both57m,
-        "motionx": motion_x,
-        "amass": amass,
-    }
-    return read[source](file, model)
+    if source == "both57m":  # the files do not say which clips are of one person
+        for number, body in enumerate(read_bodies(file, model=model)):
+            yield SourceBody(body, f"{file} {number}")
+    elif source == "amass":  # all recordings of a person are in one folder
+        yield SourceBody(read_body(file, model=model), str(file.resolve().parent))
+    else:
+        yield motion_x(file, model)
 
 
-def both57m(file: Path, model: Path | None) -> Iterator[SourceBody]:
-    """The clips of a list; the files do not say which of them are of one person."""
-    for number, body in enumerate(read_bodies(file, model=model)):
-        yield SourceBody(body, f"{file} {number}")
-
-
-def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
-    """One recording, with its texts where they are downloaded."""
+def motion_x(file: Path, model: Path | None) -> SourceBody:
+    """One recording of Motion-X, with its texts where they are downloaded."""
     root = next(p for p in file.resolve().parents if (p.parent.name, p.name) == MOTION_DATA)
     name = file.resolve().relative_to(root).with_suffix("").as_posix()
     texts, group = root.parents[1] / "texts", f"/{name}"
@@ -99,9 +94,4 @@ def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
     if (hands := texts / "hand_texts" / f"{name}.json").exists():
         record = as_record(read_json(hands), str(hands))
         by_frame = {int(frame): record.text(frame) for frame in record.values if frame.isdecimal()}
-    yield SourceBody(body, group, by_frame)
-
-
-def amass(file: Path, model: Path | None) -> Iterator[SourceBody]:
-    """One recording; all recordings of a person are in one folder."""
-    yield SourceBody(read_body(file, model=model), str(file.resolve().parent))
+    return SourceBody(body, group, by_frame)
