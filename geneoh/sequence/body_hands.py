@@ -1,7 +1,9 @@
 """The two hands of a body as tracks of their own."""
 
+from dataclasses import replace
+
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
@@ -25,32 +27,27 @@ def hand_offsets(skeleton: Skeleton, side: Side) -> Float[Tensor, "*B 20 3"]:
     return torch.cat([bones, scale[..., None] * own[15:]], dim=-2)
 
 
-def _hand_track(skeleton: Skeleton, motion: BodyMotion, side: Side) -> HandTrack:
-    """One hand of T frames in the body's world frame: keypoints, pose and wrist.
+def hand_tracks(skeleton: Skeleton, motion: BodyMotion) -> tuple[HandTrack, ...]:
+    """The left and the right hand over T frames, world frame: keypoints, pose and wrist.
 
     A hand with the skeleton of the embedded hand model gets betas too, all zero.
     """
-    posed, wrist = pose(skeleton, motion), WRISTS[side]
-    offsets = hand_offsets(skeleton, side)
-    turn = torch.cat(
-        [posed.rotations[:, [wrist]], motion.rotations[:, list(FINGER_JOINTS[side])]], dim=1
-    )
-    place = posed.positions[:, wrist]
-    joints, _ = forward_kinematics(turn, place, offsets.expand(len(place), 20, 3))
-    embedded = hand_offsets(embedded_skeleton(), side).to(offsets)
-    same = bool((offsets - embedded).abs().max() < SAME_HAND)
-    valid: Bool[Tensor, " T"] = torch.ones(len(place), dtype=torch.bool, device=place.device)
-    return HandTrack(
-        side,
-        valid,
-        joints,
-        matrix_to_axis_angle(turn),
-        place,
-        betas=place.new_zeros(10) if same else None,
-        hand_model="embedded" if same else None,
-    )
-
-
-def hand_tracks(skeleton: Skeleton, motion: BodyMotion) -> tuple[HandTrack, ...]:
-    """The left and the right hand."""
-    return tuple(_hand_track(skeleton, motion, side) for side in SIDES)
+    posed, tracks = pose(skeleton, motion), []
+    for side in SIDES:
+        offsets, wrist = hand_offsets(skeleton, side), WRISTS[side]
+        fingers = motion.rotations[:, list(FINGER_JOINTS[side])]
+        turn = torch.cat([posed.rotations[:, [wrist]], fingers], dim=1)
+        place = posed.positions[:, wrist]
+        joints, _ = forward_kinematics(turn, place, offsets.expand(len(place), 20, 3))
+        track = HandTrack(
+            side,
+            torch.ones(len(place), dtype=torch.bool, device=place.device),
+            joints,
+            matrix_to_axis_angle(turn),
+            place,
+        )
+        embedded = hand_offsets(embedded_skeleton(), side).to(offsets)
+        if bool((offsets - embedded).abs().max() < SAME_HAND):
+            track = replace(track, betas=place.new_zeros(10), hand_model="embedded")
+        tracks.append(track)
+    return tuple(tracks)

@@ -60,7 +60,7 @@ def shots_of(
     ]
     paths = list(beside)
     cuts = [
-        new for old, new in possible if not any(goes_on(path, old, new, even) for path in paths)
+        new for old, new in possible if not any(is_even(path, old, new, even) for path in paths)
     ]
     return [slice(start, stop) for start, stop in pairwise([0, *cuts, hand.frames])]
 
@@ -82,7 +82,7 @@ def is_cut(
     return bool(np.linalg.norm(back, axis=-1).min() > leap / 2)
 
 
-def goes_on(path: Float[np.ndarray, "T D"], last: int, first: int, frames: int) -> bool:
+def is_even(path: Float[np.ndarray, "T D"], last: int, first: int, frames: int) -> bool:
     """Whether a path moves on evenly from frame `last` to frame `first`.
 
     The displacement between the means of `frames` frames on either side then is that of the mean
