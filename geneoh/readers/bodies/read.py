@@ -14,7 +14,7 @@ from geneoh.readers.bodies.base import BodyRecording
 from geneoh.readers.bodies.bvh import read_bvh
 from geneoh.readers.bodies.smpl import OFFSETS, read_smpl
 from geneoh.readers.npz.files import with_callers
-from geneoh.readers.npz.objects import find_meshes, folder_of, read_object
+from geneoh.readers.npz.objects import find_meshes, read_object
 from geneoh.readers.object_poses import poses_of
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
@@ -107,7 +107,7 @@ def object_of_body(
     record = foreign_files.read_record(path) if own else Record(str(path), {})
     poses = poses_of(object_pose, str(path))
     record = with_callers(record, "obj_pose", poses and poses.matrices)
-    meshes = meshes_of(obj, unit) or find_meshes(record, folder_of(path))[0]
+    meshes = meshes_of(obj, unit) or find_meshes(record, path)[0]
     motion = read_object(record, meshes, frames)
     if len(motion.rotation) != frames:
         raise InputError(

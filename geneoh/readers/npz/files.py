@@ -114,7 +114,7 @@ def load(
     record = with_callers(record, "obj_pose", poses and poses.matrices)
     record = with_callers(record, "camera_position", camera)
     if meshes is None:
-        about_mesh, (meshes, missing) = (), objects.find_meshes(record, objects.folder_of(path))
+        about_mesh, (meshes, missing) = (), objects.find_meshes(record, path)
     else:
         about_mesh, missing = objects.notes_on_meshes(record, meshes), ""
     # before the reading, because a misspelt field may be why it fails
@@ -193,12 +193,11 @@ def sequence_in(
 ) -> tuple[Sequence, Notes]:
     """The sequence in the fields of a layout, and notes on what was assumed.
 
-    `object_poses` are the caller's; their matrices are already in the field 'obj_pose'.
+    The caller's `object_poses` replace the field 'obj_pose', matched with the hand's frames.
     """
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
     if object_poses is not None:
-        object_poses = replace(object_poses, matrices=pose_field(record, "obj_pose"))
         poses, about_poses = object_poses.of_frames(hands[0].frames, record.where, clock)
         record = replace(record, values={**record.values, "obj_pose": poses})
         notes = (*about_poses, *notes)
@@ -238,7 +237,7 @@ def save_sequence(
     """
     path = Path(path)
     check_tracks(sequence)
-    meshes = objects.mesh_arrays(sequence.object.meshes, objects.folder_of(path))
+    meshes = objects.mesh_arrays(sequence.object.meshes, path)
     arrays = sequence_arrays(sequence) | meshes
     if taken := arrays.keys() & (extra or {}).keys():
         raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")

@@ -91,14 +91,14 @@ def folder_of(path: Path) -> Path:
     return Path(os.path.realpath(path)).parent
 
 
-def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
-    """SHA-256 hashes of meshes, and their paths relative to a folder if every mesh has a file."""
+def mesh_arrays(meshes: tuple[Mesh, ...], npz: Path) -> Arrays:
+    """SHA-256 hashes of meshes, and their paths relative to the npz if every mesh has a file."""
     if not meshes:
         return {}
     arrays = {HASHES: np.array([mesh.sha256 for mesh in meshes])}
     sources = [mesh.source for mesh in meshes if mesh.source is not None]
     if len(sources) == len(meshes):
-        arrays[FILES] = np.array([_seen_from(folder, source) for source in sources])
+        arrays[FILES] = np.array([_seen_from(folder_of(npz), source) for source in sources])
     return arrays
 
 
@@ -113,7 +113,7 @@ def _seen_from(folder: Path, file: Path) -> str:
         return str(file.absolute())
 
 
-def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
+def find_meshes(record: Record, npz: Path) -> tuple[tuple[Mesh, ...], str]:
     """The meshes that an npz names, if all files exist and are unchanged; else none, and why."""
     if FILES not in record:
         return (), IN_NO_FILE if HASHES in record else ""
@@ -121,7 +121,7 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
     hashes = record.texts(HASHES) if HASHES in record else []
     meshes: list[Mesh] = []
     for index, name in enumerate(names):
-        path = folder / name
+        path = folder_of(npz) / name
         if not os.path.isfile(path):
             return (), f"the object's mesh {name} is not there any more"
         try:
