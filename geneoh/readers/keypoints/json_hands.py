@@ -16,19 +16,8 @@ import numpy as np
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.readers.column_names import side_in, words_of
+from geneoh.readers.keypoints import mediapipe
 from geneoh.readers.keypoints.leap import hands_of_leap, is_leap
-from geneoh.readers.keypoints.mediapipe import (
-    NOTES,
-    WORLD,
-    Detected,
-    Landmarks,
-    frames_in,
-    image_landmarks,
-    label_of,
-    refuse_image_landmarks,
-    stamps_in,
-    tracks_in,
-)
 from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
 from geneoh.readers.keypoints.tables import Numbering
 from geneoh.readers.records import Array
@@ -39,7 +28,7 @@ def _plain(name: str) -> str:
     return name.lower().replace("_", "")
 
 
-CENTRED = (*map(_plain, WORLD), "keypoints3d")
+CENTRED = (*map(_plain, mediapipe.WORLD), "keypoints3d")
 """Names of points relative to the hand's centre: MediaPipe's, and TensorFlow.js's for the same."""
 POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keypoints")
 SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
@@ -58,23 +47,26 @@ DEEPEST_NESTING = 8
 """Greatest depth of nested lists and dicts that are searched for a hand."""
 
 
-def read_hands(value: Any, where: str, side: Side | None, order: JointOrder) -> Landmarks | None:
+def read_hands(
+    value: Any, where: str, side: Side | None, order: JointOrder
+) -> mediapipe.Landmarks | None:
     """The hands in the value of a JSON file; None if it has no frame with a hand.
 
     `side` is for hands without a side, and `order` is the keypoint order of points in a list.
     """
-    frames = _frames_of_columns(value) or frames_in(value)
+    frames = _frames_of_columns(value) or mediapipe.frames_in(value)
     file_side, _ = _side_and_score(value, side, 1.0)
     reader = _Frames(file_side, Numbering(order, where))
-    tracks, notes = tracks_in(frames, where, file_side, reader.hands)
+    tracks, notes = mediapipe.tracks_in(frames, where, file_side, reader.hands)
     if not tracks:
         return None
     reader.numbering.refuse_unused()
     for track in tracks.values():
-        refuse_image_landmarks(track.points, where)
-    centred = NOTES if reader.centred else ()
-    stamps, unit = stamps_in(value, frames, where), "mm" if any(map(is_leap, frames)) else "m"
-    return Landmarks(tracks, (*centred, *notes), stamps, unit=unit)
+        mediapipe.refuse_image_landmarks(track.points, where)
+    centred = mediapipe.NOTES if reader.centred else ()
+    stamps = mediapipe.stamps_in(value, frames, where)
+    unit = "mm" if any(map(is_leap, frames)) else "m"
+    return mediapipe.Landmarks(tracks, (*centred, *notes), stamps, unit=unit)
 
 
 class _Frames:
@@ -84,7 +76,7 @@ class _Frames:
         self.numbering, self.centred = numbering, False
         self._side: Side | None = side
 
-    def hands(self, frame: Any, where: str) -> list[Detected]:
+    def hands(self, frame: Any, where: str) -> list[mediapipe.Detected]:
         """The hands of one frame; only results of MediaPipe may hold two of one side."""
         if is_leap(frame):
             frame = list(hands_of_leap(frame))
@@ -101,11 +93,11 @@ class _Frames:
 
     def _hands(
         self, value: Any, where: str, side: Side | None, score: float, depth: int = 0
-    ) -> Iterator[Detected]:
+    ) -> Iterator[mediapipe.Detected]:
         """The hands in a frame or a part of it; `side` and `score` are from the enclosing value."""
         points = self._points(value, where)
         if points is not None:
-            yield Detected(side or self._side, score, points)
+            yield mediapipe.Detected(side or self._side, score, points)
         elif depth == DEEPEST_NESTING:
             return
         elif isinstance(value, list):
@@ -131,7 +123,7 @@ class _Frames:
             yield fields[name], side
         elif name := next((name for name in POINTS if fields.get(name)), None):
             if _are_flat(fields[name]):
-                raise image_landmarks(where)
+                raise mediapipe.image_landmarks(where)
             self.centred |= name in CENTRED
             yield fields[name], side
 
@@ -261,7 +253,7 @@ def _side_of(name: str) -> Side | None:
 def _side_and_score(value: Any, side: Side | None, score: float) -> tuple[Side | None, float]:
     """The side and the score in a dict's fields, else those of the enclosing value."""
     fields = _called(value)
-    labels = [label_of(fields[name]) for name in SIDES_OF_HANDS if name in fields]
+    labels = [mediapipe.label_of(fields[name]) for name in SIDES_OF_HANDS if name in fields]
     side, score = next((label for label in labels if label[0] is not None), (side, score))
     for sure in (fields[name] for name in SCORES if name in fields):
         if isinstance(sure, float | int) and 0 < sure <= 1:

@@ -21,17 +21,11 @@ import numpy as np
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh_files import MESH_SUFFIXES
-from geneoh.readers import base
+from geneoh.readers import base, transforms
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, read_json
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
-from geneoh.readers.transforms import (
-    axis_angles,
-    axis_angles_of_wxyz,
-    rigid_matrices,
-    rotation_matrices,
-)
 
 HANDS = ("hand_poses", "hand_pose", "handposes")
 """Names of the folder of hands."""
@@ -115,9 +109,9 @@ def object_poses(path: Path) -> tuple[Array, int]:
 def pose_of(record: Record) -> Array:
     """(4, 4) pose of an object in one frame; NaN where its quaternion is none."""
     rotation = record.array("mesh_rotation", (4,), (3,))
-    turn = rotation[None] if len(rotation) == 3 else -axis_angles_of_wxyz(rotation[None])
+    turn = rotation[None] if len(rotation) == 3 else -transforms.axis_angles_of_wxyz(rotation[None])
     shift = record.array("mesh_translation", (3,))
-    return rigid_matrices(rotation_matrices(turn), shift[None])[0]
+    return transforms.rigid_matrices(transforms.rotation_matrices(turn), shift[None])[0]
 
 
 def rows_by_frame(folder: Path, first: int, frames: int) -> dict[Side, dict[int, int]]:
@@ -169,10 +163,10 @@ def read_hand(
     )
     betas = record.array("shapes", ("T", 10)).mean(0)
     mano = options.mano(side)
-    whole = rotation_matrices(turn)
+    whole = transforms.rotation_matrices(turn)
     if mano is not None:
         shift = shift + whole @ mano.wrist_offset(betas)
-    orientation = axis_angles(whole @ rotation_matrices(pose[:, :3]))
+    orientation = transforms.axis_angles(whole @ transforms.rotation_matrices(pose[:, :3]))
     pose = np.concatenate([orientation, pose[:, 3:]], axis=1)
     return base.ManoParameters(side, pose, shift, betas, joints if mano is None else None)
 
