@@ -43,24 +43,19 @@ def read_json(path: Path) -> Any:
 
     If the file is not in the form that its ending names, the other form is tried.
     """
-    data, ways = read_bytes(path, JSON_LIMIT), [whole_json, json_lines]
-    if path.suffix.lower() == ".jsonl":
-        ways.reverse()
+    data, by_line = read_bytes(path, JSON_LIMIT), path.suffix.lower() == ".jsonl"
     try:
-        return ways[0](data, path)
+        return json_values(data, path, by_line=by_line)
     except InputError:
         with suppress(InputError):
-            return ways[1](data, path)
+            return json_values(data, path, by_line=not by_line)
         raise
 
 
-def whole_json(data: bytes, path: Path) -> Any:
-    """The one value of a JSON file."""
-    return json_in(data, str(path), "copy it again")
-
-
-def json_lines(data: bytes, path: Path) -> list[Any]:
-    """The values of a JSON file that has one per line."""
+def json_values(data: bytes, path: Path, *, by_line: bool) -> Any:
+    """The one value of a JSON file, or the list of the values of one that has one per line."""
+    if not by_line:
+        return json_in(data, str(path), "copy it again")
     lines = ((number, line) for number, line in enumerate(data.splitlines(), 1) if line.strip())
     cure = "copy it again, or leave the line out"
     return [json_in(line, f"{path}, line {number}", cure) for number, line in lines]

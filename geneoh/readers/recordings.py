@@ -130,7 +130,9 @@ def with_distinct_names(clips: list[SourceClip], taken: Iterable[str] = ()) -> l
 
     def longer(clip: SourceClip, parts: int) -> str:
         front = clip.name if parts == 1 else clip_name(clip.path, parts)
-        return front + (ending_of(clip.path) if alike[clip_name(clip.path, longest)] > 1 else "")
+        ending = clip.path.name.partition(".")[2]
+        is_twin = alike[clip_name(clip.path, longest)] > 1
+        return front + (fit_for_name(f"_{ending}") if ending and is_twin else "")
 
     names = [clip.name for clip in clips]
     for parts in range(1, longest + 1):
@@ -142,12 +144,6 @@ def with_distinct_names(clips: list[SourceClip], taken: Iterable[str] = ()) -> l
         if count[name] > 1:
             raise InputError(f"{clip.path}: two clips are both called {clip.name}; rename one")
     return [replace(clip, name=name) for clip, name in zip(clips, names, strict=True)]
-
-
-def ending_of(path: Path) -> str:
-    """What follows the first dot of a file's name, as a suffix for a clip's name."""
-    rest = path.name.partition(".")[2]
-    return fit_for_name(rest and f"_{rest}")
 
 
 def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[Recording]:

@@ -45,14 +45,17 @@ def interpretations(
 ) -> Iterator[tuple[float, str]]:
     """Distance from wrist to object under other interpretations of the numbers, metres, 0 inside,
     and the remedy for each; `nearest` is the distance as they were read."""
-    gap = max(least_distance(hand, inverted(motion)), 0.0)
+    back = Rigid(motion.rotation, motion.translation).inverse()
+    inverted = replace(motion, rotation=back.rotation, translation=back.translation)
+    gap = max(least_distance(hand, inverted), 0.0)
     yield (
         gap,
         f"inverted, the object's poses bring it to {gap:.2g} m: they seem to be "
         "world to object; invert them to object to world",
     )
+    flip = torch.tensor([1.0, -1.0, -1.0], device=hand.valid.device)
     yield (
-        max(least_distance(in_other_axes(hand), motion), 0.0),
+        max(least_distance(hand.changed(joints=flip.mul, wrist=flip.mul), motion), 0.0),
         "with y and z negated it comes near: hand and object seem to be in the axes of "
         "OpenCV and OpenGL; negate y and z of the hand",
     )
@@ -65,18 +68,6 @@ def interpretations(
             f"with the translations of the object's poses times {scale:g} it comes near: give them "
             "in the unit of the hand (--keypoint-unit is that of both)",
         )
-
-
-def in_other_axes(hand: HandTrack) -> HandTrack:
-    """The keypoints and wrist with y and z negated, as between cameras of OpenCV and OpenGL."""
-    flip = torch.tensor([1.0, -1.0, -1.0], device=hand.valid.device)
-    return hand.changed(joints=flip.mul, wrist=flip.mul)
-
-
-def inverted(motion: ObjectTrack) -> ObjectTrack:
-    """The track with inverted poses."""
-    back = Rigid(motion.rotation, motion.translation).inverse()
-    return replace(motion, rotation=back.rotation, translation=back.translation)
 
 
 def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:

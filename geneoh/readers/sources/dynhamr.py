@@ -36,15 +36,12 @@ SEEN_NOTE = "frames in which no hand was detected count as seen: track_info.json
 
 def last_results(found: Matches, path: Path) -> Iterator[Path]:
     """The results of the last step of the last phase of every run."""
+    inside = (file for file in found if file.parent.name in PHASES)
     last: dict[Path, Path] = {}
-    for file in sorted((f for f in found if f.parent.name in PHASES), key=progress):
+    # a file's name has the number of its step in six digits
+    for file in sorted(inside, key=lambda file: (PHASES.index(file.parent.name), file.name)):
         last[file.parent.parent] = file
     yield from last.values()
-
-
-def progress(file: Path) -> tuple[int, str]:
-    """The phase of a file, and its name, which has the number of its step in six digits."""
-    return PHASES.index(file.parent.name), file.name
 
 
 @reads(
