@@ -210,7 +210,10 @@ def clock_from(record: Record, name: str, known: float | None) -> Clock:
         )
     stored, values = values, values - values[0]
     if name in TIME_NAMES:
-        unit = seconds_of(record, name, np.diff(values))
+        unit = TIME_NAMES[name] or unit_by_steps(np.diff(values), SLOWEST, FASTEST)
+        if unit is None:
+            cure = f"call the field '{name}_s', '{name}_ms', '{name}_us' or '{name}_ns'"
+            raise record.refuse(name, "times in a unit that their steps tell", cure)
         return replace(clock_of_times(record, name, values * unit, known), values=stored * unit)
     stride, _ = usual_step(values)
     return Clock(name, values / stride, None, stored, stride)
@@ -253,15 +256,6 @@ def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
     usual, misfit = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
     near = not multiples or bool(misfit < 2 * EVEN)
     return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and near
-
-
-def seconds_of(record: Record, name: str, steps: Array) -> float:
-    """Unit of timestamps in seconds, by the field's name, else by the steps between them."""
-    unit = TIME_NAMES[name] or unit_by_steps(steps, SLOWEST, FASTEST)
-    if unit is not None:
-        return unit
-    cure = f"call the field '{name}_s', '{name}_ms', '{name}_us' or '{name}_ns'"
-    raise record.refuse(name, "times in a unit that their steps tell", cure)
 
 
 def unit_by_steps(steps: Array, slowest: float, fastest: float) -> float | None:

@@ -129,7 +129,10 @@ def convert_clip(
     notes = tuple(dict.fromkeys(note for recording in recordings for note in notes_on(recording)))
     if folder is None or found:
         return ConversionOutcome(clip, contradictions=tuple(found), notes=notes)
-    _check_places(recordings, folder, clip, overwrite=overwrite)
+    places = [folder / f"{recording.name}.npz" for recording in recordings]
+    for place in places:
+        make_folder(place.parent)
+    check_outputs(places, inputs=[clip.path], overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
     inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
     made = {file: fingerprint(folder / file) for file in files}
@@ -142,16 +145,6 @@ def notes_on(recording: Recording) -> Iterator[str]:
     """Where a recording came from, and which meshes `geneoh denoise` will refuse by their size."""
     yield recording.sequence.source
     yield from filter(None, map(size_warning, recording.sequence.object.meshes))
-
-
-def _check_places(
-    recordings: list[Recording], folder: Path, clip: SourceClip, *, overwrite: bool
-) -> None:
-    """Make the output folders; refuse to replace the clip itself or files that are not geneoh's."""
-    places = [folder / f"{recording.name}.npz" for recording in recordings]
-    for place in places:
-        make_folder(place.parent)
-    check_outputs(places, inputs=[clip.path], overwrite=overwrite)
 
 
 def write_recording(recording: Recording, folder: Path) -> str:

@@ -41,19 +41,14 @@ def read_model(path: Path, betas: Float[Tensor, " S"] | None = None) -> RestBody
         raise record.refuse("J_regressor", "a matrix of 52 (SMPL-H) or 55 joints", OFFICIAL)
     hands = HAND_STARTS[len(regressor)]
     chosen = [*range(BODY_JOINTS), *range(hands, hands + 30)]
-    check_tree(record, chosen)
-    joints = regressor @ (verts + _shape_of(record, len(verts), betas))
-    places = float32(joints[chosen])
-    offsets = places - places[[0, *PARENTS[1:]]]
-    return RestBody(Skeleton(offsets), places[0])
-
-
-def check_tree(record: Record, chosen: list[int]) -> None:
-    """Refuse a model whose chosen joints do not have the parents of SMPL-H's."""
     tree = record.array("kintree_table", (2, "J"))[0]
     wanted = [chosen[parent] for parent in PARENTS[1:]]
     if len(tree) <= max(chosen) or tree[chosen[1:]].tolist() != wanted:
         raise record.refuse("kintree_table", f"the tree of {len(JOINT_NAMES)} joints", OFFICIAL)
+    joints = regressor @ (verts + _shape_of(record, len(verts), betas))
+    places = float32(joints[chosen])
+    offsets = places - places[[0, *PARENTS[1:]]]
+    return RestBody(Skeleton(offsets), places[0])
 
 
 def _shape_of(record: Record, count: int, betas: Float[Tensor, " S"] | None) -> Array:

@@ -59,7 +59,9 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
     """
     if not motion.meshes or hand.frames < LEAST_FRAMES:
         return 0
-    delays = delays_at(fps)
+    most = max(1, round(LONGEST_DELAY * fps))
+    tried = 2 * min(most, MOST_DELAYS) + 1
+    delays = np.round(np.linspace(-most, most, tried)).astype(int)  # 0 is one of them
     palm = keypoints_of(fill_gaps(hand))[:, PALM].double().cpu().numpy()
     seen = binary_erosion(hand.valid.cpu().numpy(), iterations=GAP_FRAMES, border_value=1)
     ways = [
@@ -78,13 +80,6 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
     return int(delays[best]) if sure and 0 < best < len(delays) - 1 else 0
 
 
-def delays_at(fps: float) -> Array:
-    """(K,) the delays that are tried, in frames; 0 is one of them."""
-    most = max(1, round(LONGEST_DELAY * fps))
-    count = min(most, MOST_DELAYS)
-    return np.round(np.linspace(-most, most, 2 * count + 1)).astype(int)
-
-
 def wandering(
     palm: Array, seen: Array, delays: Array, turn: Tensor, shift: Tensor, fps: float
 ) -> Array:
@@ -93,7 +88,11 @@ def wandering(
     margin = int(delays.max())
     usable = moves(palm, rotation, place, fps) & seen
     usable[:margin], usable[len(usable) - margin :] = False, False
-    blocks = _blocks_of(usable, max(BLOCK_FRAMES, round(BLOCK_SECONDS * fps)))
+    length = max(BLOCK_FRAMES, round(BLOCK_SECONDS * fps))
+    starts = range(0, len(usable), length)
+    every = [start + np.flatnonzero(usable[start : start + length]) for start in starts]
+    # of each block the usable frames, where these are at least half of it
+    blocks = [frames for frames in every if 2 * len(frames) >= length]
     if sum(map(len, blocks)) < max(LEAST_FRAMES, LEAST_SECONDS * fps):
         return np.zeros((0, len(delays)))
     found = []
@@ -110,10 +109,3 @@ def moves(palm: Array, turn: Array, shift: Array, fps: float) -> Array:
     steps = local[:-1] @ (turn[1:] - turn[:-1]).swapaxes(1, 2) + shift[1:] - shift[:-1]
     speed = fps * np.linalg.norm(steps, axis=-1).mean(1)
     return np.append(gaussian_filter1d(speed, SPEED_SMOOTHING * fps) > MOVING_SPEED, False)
-
-
-def _blocks_of(usable: Array, length: int) -> list[Array]:
-    """The usable frames of each block of `length` frames of which at least half are usable."""
-    starts = range(0, len(usable), length)
-    every = [start + np.flatnonzero(usable[start : start + length]) for start in starts]
-    return [frames for frames in every if 2 * len(frames) >= length]

@@ -96,7 +96,10 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if not numbers or (steps <= 0).any() or numbers[-1] - numbers[0] > FRAME_LIMIT:
         raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
     stride = int(np.median(steps)) if len(steps) else 1
-    frames = _nearest_frames(record, numbers, stride)
+    # the nearest frame of each number: missing numbers leave gaps
+    frames = {number: round((number - numbers[0]) / stride) for number in numbers}
+    if len(set(frames.values())) < len(frames):
+        raise record.refuse("mocap_frame_id_list", f"frame numbers about {stride} apart")
     count = max(frames.values()) + 1
     stored = record.record("raw_mano")
     hands = [_read_hand(stored, side, frames, count) for side in ("right", "left")]
@@ -110,14 +113,6 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         meshes = {f"oakink2_{name}": find_mesh(_mesh_files(item, clip.path, options), item)}
         how = {"name": f"{clip.name}_{name}", "fps": CAPTURE_FPS / stride}
         yield base.ClipParts(f"OakInk2 {clip.name} {item}", hands, meshes, motion, **how)
-
-
-def _nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int, int]:
-    """The frame index of each number, one per `stride` numbers; missing numbers leave gaps."""
-    frames = {number: round((number - numbers[0]) / stride) for number in numbers}
-    if len(set(frames.values())) < len(frames):
-        raise record.refuse("mocap_frame_id_list", f"frame numbers about {stride} apart")
-    return frames
 
 
 def _read_hand(
