@@ -161,7 +161,13 @@ def all_recordings(source: Source, clip: SourceClip, options: ReaderOptions) -> 
     """The recordings of one clip, whatever side is asked for; raises what `read_clip` does."""
     refuse_unused(source, options)
     recordings = source.reader().read(clip, options)
-    refuse_betas(recordings, clip)
+    for hand in (hand for recording in recordings for hand in recording.sequence.hands):
+        # frames can be left out where they are not finite, betas cannot
+        if hand.betas is not None and not bool(hand.betas.isfinite().all()):
+            raise InputError(
+                f"{clip.path}: the betas of the {hand.side} hand must be finite, got "
+                f"{hand.betas.tolist()}; copy its files again"
+            )
     return [without_idle_hand(recording) for recording in recordings]
 
 
@@ -179,16 +185,6 @@ def refuse_unused(source: Source, options: ReaderOptions) -> None:
         if name not in takes and value != getattr(plain, name):
             option = name.replace("_", "-")
             raise ConfigError(f"--{option}: {source.title} makes no use of it, got one; drop it")
-
-
-def refuse_betas(recordings: list[Recording], clip: SourceClip) -> None:
-    """Raise `InputError` if a hand's betas are not finite: they cannot be masked like a frame."""
-    for hand in (hand for recording in recordings for hand in recording.sequence.hands):
-        if hand.betas is not None and not bool(hand.betas.isfinite().all()):
-            raise InputError(
-                f"{clip.path}: the betas of the {hand.side} hand must be finite, got "
-                f"{hand.betas.tolist()}; copy its files again"
-            )
 
 
 def without_idle_hand(recording: Recording) -> Recording:
