@@ -20,7 +20,7 @@ from geneoh.sequence.noise import corrupt
 from geneoh.sequence.sequence import HandTrack
 from geneoh.synthesis.attempts import synthesize_shard
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 
 FPS = 30.0
 CLIPS, FRAMES = 32, 120

@@ -16,8 +16,7 @@ from geneoh.synthesis.actions.setups import stands_upright
 from geneoh.synthesis.attempts import draw_attempts, tried_grasps
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.grasping.bimanual import BimanualConfig, grasp_directions, pair_hands
-from geneoh.synthesis.shapes.jointed_families import JOINTED_FAMILIES
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES, JOINTED_FAMILIES
 from geneoh.synthesis.shapes.scans import Scans
 from geneoh.synthesis.shards import find_shards, refuse_damage, scans_of, shard_record, whole_shard
 

@@ -15,7 +15,8 @@ from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.grasping.bimanual import bimanual_objects, grasp_directions, pair_hands
 from geneoh.synthesis.grasping.grasps import Grasps, shifted_grips, synthesize_grasps
 from geneoh.synthesis.motions.motion import Interactions, animate
-from geneoh.synthesis.shapes.objects import FAMILIES, draw_objects
+from geneoh.synthesis.shapes.families import FAMILIES
+from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.synthesis.shapes.scans import Scans
 from geneoh.synthesis.shapes.solids import Solids
 

@@ -9,7 +9,7 @@ from geneoh.errors import ConfigError
 from geneoh.synthesis.grasping.bimanual import BimanualConfig
 from geneoh.synthesis.grasping.grasps import GraspConfig
 from geneoh.synthesis.motions.motion import AnimationConfig
-from geneoh.synthesis.shapes.objects import FAMILIES, family_named
+from geneoh.synthesis.shapes.families import FAMILIES, family_named
 from geneoh.synthesis.shapes.scans import Scans
 
 MOST_FRAMES = 9000

@@ -23,7 +23,7 @@ from geneoh.streamed import Streamed
 from geneoh.synthesis.attempts import synthesize_shard
 from geneoh.synthesis.data_config import ShardConfig, SynthesisConfig
 from geneoh.synthesis.motions.motion import Interactions
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 from geneoh.synthesis.shapes.scans import FILE, Scans, read_scans
 from geneoh.workers.pool import in_processes
 

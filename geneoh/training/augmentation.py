@@ -21,7 +21,7 @@ from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
 from geneoh.synthesis.draws import Draws, smoothed_motion
-from geneoh.synthesis.grasping.pose_prior import FINGER_STD
+from geneoh.synthesis.grasping.grasp_types import FINGER_STD
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.gestures import shards as gesture_shards
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.replay import NoFirstGraspsError, Replay, replay_shard
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 from geneoh.synthesis.shapes.solids import PARTS
 from geneoh.synthesis.shapes.surface import mesh_of_solid, spacing_for_looks
 from geneoh.synthesis.shards import find_shards

@@ -14,7 +14,7 @@ from trees.labelled import GRAB_MILK, POUR_MILK, labelled_h2o
 from geneoh.choices import ACTION_STAGES
 from geneoh.config import as_dict
 from geneoh.evaluation.generation.scores import MEASURES
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import ContactNetwork
 from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint

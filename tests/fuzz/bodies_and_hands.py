@@ -9,7 +9,7 @@ from made_bodies import SKELETON, WORDS, tiny_networks
 
 from geneoh.body.skeleton import PARENTS
 from geneoh.config import as_dict
-from geneoh.generators.pieces import learned_pieces
+from geneoh.generators.text import learned_pieces
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 from geneoh.readers.bodies.bvh import bvh_text
 

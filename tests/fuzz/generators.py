@@ -11,9 +11,12 @@ from made_actions import write_actions
 from made_networks import TINY
 
 from geneoh.config import as_dict
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactNetwork,
+    LengthConfig,
+    LengthNetwork,
+)
 from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.networks.library import SHIPPED
 from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint

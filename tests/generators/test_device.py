@@ -14,8 +14,11 @@ from geneoh.generators.both2hands import sampling as hands
 from geneoh.generators.text2hoi import generate as acting
 from geneoh.generators.text2hoi import sampling as interactions
 from geneoh.generators.text2hoi.generate import GenerateOptions
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactNetwork,
+    LengthConfig,
+    LengthNetwork,
+)
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.geometry.mesh_files import from_trimesh

@@ -1,6 +1,6 @@
 import pytest
 
-from geneoh.generators.pieces import learned_pieces, sentence_numbers, words_of
+from geneoh.generators.text import learned_pieces, sentence_numbers, words_of
 
 SAID = ["lift the mug with both hands", "lifting mugs", "put down the kettle"] * 20
 

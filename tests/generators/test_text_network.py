@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from geneoh.errors import ConfigError
-from geneoh.generators.text_network import PAD, TextConfig, TextNetwork
+from geneoh.generators.text import PAD, TextConfig, TextNetwork
 
 SMALL = TextConfig(pieces=30, piece_width=8, width=16, heads=2, verbs=5, hands=4, nouns=3)
 

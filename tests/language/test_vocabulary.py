@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from geneoh.language.vocabulary import VERB_WORDS, noun_of
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 
 SCANS = Path(__file__).parents[2] / "examples" / "objects"
 

@@ -4,15 +4,16 @@ import torch
 
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import embedded_skeleton
-from geneoh.generators.both2hands.blend import BlendConfig, Blender
-from geneoh.generators.both2hands.denoiser import (
+from geneoh.generators.both2hands.library import Both2HandsNetworks
+from geneoh.generators.both2hands.networks import (
+    BlendConfig,
+    Blender,
     BodyHands,
     HandsConfig,
     TextHands,
     TextHandsConfig,
 )
-from geneoh.generators.both2hands.library import Both2HandsNetworks
-from geneoh.generators.text_network import SentenceConfig
+from geneoh.generators.text import SentenceConfig
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 SKELETON = embedded_skeleton()

@@ -6,11 +6,14 @@ import numpy as np
 import torch
 from made_bodies import SKELETON, SMALL, WORDS, speech, tiny_networks
 
-from geneoh.generators.both2hands.blend import BlendConfig
-from geneoh.generators.both2hands.config import Both2HandsConfig
-from geneoh.generators.both2hands.denoiser import HandsConfig, TextHandsConfig
 from geneoh.generators.both2hands.library import Both2HandsNetworks
-from geneoh.generators.both2hands.training import HandsTask, kept_features, set_scales
+from geneoh.generators.both2hands.networks import BlendConfig, HandsConfig, TextHandsConfig
+from geneoh.generators.both2hands.training import (
+    Both2HandsConfig,
+    HandsTask,
+    kept_features,
+    set_scales,
+)
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS
 from geneoh.synthesis.shards import ShardRecord, write_clips

@@ -4,10 +4,9 @@ import torch
 from torch import Tensor
 
 from geneoh.hand.library import load_hand
-from geneoh.synthesis.grasping.grasp_checks import GraspChecks
-from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES
+from geneoh.synthesis.grasping.grasp_energy import GraspChecks
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN, GRASP_TYPES
 from geneoh.synthesis.grasping.grasps import GraspConfig, Grasps
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
 
 ANY_GRASP = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
 """Grasps that hardly descend and always pass: what they are like is tested elsewhere."""

@@ -5,13 +5,12 @@ from dataclasses import replace
 import torch
 from made_actions import NAMES, WordEncoder, made_actions
 
-from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
-from geneoh.generators.text2hoi.learning.samples import ActionData
+from geneoh.generators.text2hoi.learning.samples import ActionData, Text2HoiConfig
 from geneoh.generators.text2hoi.learning.training import ActionTask
-from geneoh.generators.text2hoi.networks.contact import ContactConfig
+from geneoh.generators.text2hoi.networks.autoencoders import ContactConfig
 from geneoh.generators.text2hoi.networks.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.networks.losses import LossWeights
-from geneoh.generators.text2hoi.networks.pointnet import PointConfig
+from geneoh.generators.text2hoi.networks.objects import PointConfig
 from geneoh.generators.text2hoi.networks.refiner import RefinerConfig, RefinerWeights
 from geneoh.streamed import Streamed
 from geneoh.training.data import TrainingData

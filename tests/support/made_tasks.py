@@ -8,7 +8,7 @@ from made_networks import tiny_task as tiny_action_task
 from geneoh.choices import ACTION_STAGES, BODY_STAGES
 from geneoh.generators.text2hoi.learning.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.learning.training import LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.networks.length import LengthConfig
+from geneoh.generators.text2hoi.networks.autoencoders import LengthConfig
 from geneoh.training.data import TrainingData
 
 ALL_STAGES = ("text", "length", *ACTION_STAGES, *BODY_STAGES)

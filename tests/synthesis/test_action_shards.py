@@ -17,7 +17,7 @@ from geneoh.synthesis.action_shards import (
     synthesize_actions,
 )
 from geneoh.synthesis.actions.action import Actions
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 from geneoh.synthesis.shards import write_shards
 
 TINY = replace(DEFAULTS, count=4, shard=2, points=16, grasps=ANY_GRASP)

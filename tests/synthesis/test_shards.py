@@ -25,7 +25,7 @@ from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.grasping.bimanual import BimanualConfig
 from geneoh.synthesis.grasping.grasps import synthesize_grasps
 from geneoh.synthesis.motions.motion import Interactions
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 from geneoh.synthesis.shards import (
     ShardRecord,
     read_shards,

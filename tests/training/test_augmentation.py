@@ -11,7 +11,7 @@ from geneoh.hand.skeleton import TIP_KEYPOINTS, bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ObjectSurface
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasping.pose_prior import FINGER_STD
+from geneoh.synthesis.grasping.grasp_types import FINGER_STD
 from geneoh.training.augmentation import (
     AugmentationConfig,
     KeptContactConfig,

@@ -8,8 +8,8 @@ import pytest
 
 from geneoh.config import Limited
 from geneoh.errors import ConfigError
-from geneoh.generators.both2hands.config import Both2HandsConfig
-from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
+from geneoh.generators.both2hands.training import Both2HandsConfig
+from geneoh.generators.text2hoi.learning.samples import Text2HoiConfig
 from geneoh.generators.text2hoi.learning.text_training import TextTrainConfig
 from geneoh.generators.text2hoi.learning.training import LengthTrainConfig
 from geneoh.training.augmentation import AugmentationConfig

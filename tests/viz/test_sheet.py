@@ -4,7 +4,7 @@ from made_grasps import ANY_GRASP
 
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.replay import NoFirstGraspsError, replay_shard
-from geneoh.synthesis.shapes.objects import FAMILIES
+from geneoh.synthesis.shapes.families import FAMILIES
 from geneoh.synthesis.shards import write_shards
 from geneoh.viz import sheet
 from geneoh.viz.canvas import SCALE_HEIGHT

@@ -23,8 +23,7 @@ from geneoh.bundle import Bundle, concatenated
 from geneoh.config import as_dict
 from geneoh.evaluation.generation.classifier import even_frames
 from geneoh.generators.both2hands.features import BODY, HANDS, body_features, hand_features, placed
-from geneoh.generators.pieces import learned_pieces, sentence_numbers
-from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
+from geneoh.generators.text import SentenceConfig, SentenceNetwork, learned_pieces, sentence_numbers
 from geneoh.metrics.features import retrieval
 from geneoh.nn.blocks import sinusoid
 from geneoh.seeds import seeded_generator

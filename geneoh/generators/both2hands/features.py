@@ -10,14 +10,16 @@ a body's in that of its pelvis' heading: the features of a hand's shape then do 
 the body goes.
 """
 
+from dataclasses import dataclass
 from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from geneoh.body.motion import BodyMotion, PosedBody, body_local_rotations
-from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, JOINT_NAMES, WRISTS
+from geneoh.body.motion import BodyMotion, PosedBody, body_local_rotations, pose
+from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, JOINT_NAMES, WRISTS, Skeleton
+from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
 from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matrix
 
@@ -98,6 +100,36 @@ def _flat(
     positions: Float[Tensor, "*B J 3"], rotations: Float[Tensor, "*B J 3 3"]
 ) -> Float[Tensor, "*B N"]:
     return torch.cat([positions.flatten(-2), matrix_to_rotation_6d(rotations).flatten(-2)], dim=-1)
+
+
+@dataclass(frozen=True)
+class PlacedBodies(Bundle):
+    """B windows of bodies, placed as the networks see them."""
+
+    skeleton: Skeleton
+    motion: BodyMotion
+    posed: PosedBody
+
+    @staticmethod
+    def of(skeleton: Skeleton, motion: BodyMotion) -> "PlacedBodies":
+        """The joints of bodies after `features.placed`, each body with its own skeleton."""
+        return PlacedBodies(skeleton, motion, pose(skeleton, motion))
+
+    @property
+    def body(self) -> Float[Tensor, "B T 198"]:
+        """Features of the bodies."""
+        return body_features(self.posed)
+
+    def projected(
+        self, local: Float[Tensor, "B T 270"], frame: HandsFrame
+    ) -> Float[Tensor, "B T 270"]:
+        """Features of hands in their wrists' frames, put onto the bodies (paper, equation 8).
+
+        Forward kinematics of body and fingers starts at the root's position in the world, which the
+        paper's code leaves out.
+        """
+        motion = with_fingers(self.motion, self.posed, local, "wrist")
+        return hand_features(pose(self.skeleton, motion), frame)
 
 
 class Scale(nn.Module):

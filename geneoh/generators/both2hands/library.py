@@ -6,15 +6,23 @@ from functools import partial
 from pathlib import Path
 
 import torch
+from jaxtyping import Float
 from tokenizers import Tokenizer
 from torch import Tensor
 
 from geneoh.choices import BODY_STAGES
 from geneoh.errors import ConfigError
-from geneoh.generators.both2hands.blend import BlendConfig, Blender
-from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig, TextHands, TextHandsConfig
-from geneoh.generators.pieces import sentence_numbers, vocabulary_of
-from geneoh.generators.text import foreign_encoder
+from geneoh.generators.both2hands.features import PlacedBodies
+from geneoh.generators.both2hands.networks import (
+    BlendConfig,
+    Blender,
+    BodyHands,
+    EncodedBody,
+    HandsConfig,
+    TextHands,
+    TextHandsConfig,
+)
+from geneoh.generators.text import foreign_encoder, sentence_numbers, vocabulary_of
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 from geneoh.training.resume import digest
@@ -37,6 +45,29 @@ class Branches:
     def fingerprint(self) -> str:
         """A fingerprint of the weights of both."""
         return digest(t for n in (self.body, self.text) for t in n.state_dict().values())
+
+    def on_bodies(
+        self, answer: Float[Tensor, "B T 270"], scene: PlacedBodies
+    ) -> Float[Tensor, "B T 270"]:
+        """A prediction of the text network put onto bodies, normalised as in the body's network."""
+        local = self.text.scale.denormalise(answer)
+        return self.body.scale.normalise(scene.projected(local, self.body.config.frame))
+
+    def answers(
+        self,
+        noisy: tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]],
+        level: Float[Tensor, " B"],
+        conditions: tuple[EncodedBody, EncodedBody],
+        scene: PlacedBodies,
+    ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
+        """Clean hands predicted by both networks, both normalised as in the body's network.
+
+        `noisy` are the noisy hands for the body's and for the text network, equal if both networks
+        share one reverse process.
+        """
+        of_body = self.body.denoised(noisy[0], level, conditions[0])
+        of_text = self.text.denoised(noisy[1], level, conditions[1])
+        return of_body, self.on_bodies(of_text, scene)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from geneoh.choices import BodySource
 from geneoh.errors import GeneOHError, InputError, numbered
 from geneoh.generators.both2hands.features import placed
 from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
-from geneoh.generators.pieces import words_of
+from geneoh.generators.text import words_of
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording, body_at_rate

@@ -14,11 +14,16 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.choices import STEPS
-from geneoh.generators.both2hands.denoiser import EncodedBody, HandsDenoiser
-from geneoh.generators.both2hands.features import HANDS, placed, with_fingers, with_other_fingers
+from geneoh.generators.both2hands.features import (
+    HANDS,
+    PlacedBodies,
+    placed,
+    with_fingers,
+    with_other_fingers,
+)
 from geneoh.generators.both2hands.library import Both2HandsNetworks
 from geneoh.generators.both2hands.limits import within_limits
-from geneoh.generators.both2hands.scene import PlacedBodies, both_answers, hands_of_text
+from geneoh.generators.both2hands.networks import EncodedBody, HandsDenoiser
 from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
 from geneoh.generators.from_noise import Answer, Sampler, from_noise
 from geneoh.generators.smoothing import smoothed_clips
@@ -80,16 +85,16 @@ class Process:
         """Hands that the network of the sentence makes alone, brought onto the bodies."""
         network = self.networks.text
         found = self.run(network, lambda x, level: network.denoised(x, level, self.conditions[1]))
-        found = hands_of_text(self.networks.body, network, self.windows.cut(found), self.scene)
+        found = self.networks.on_bodies(self.windows.cut(found), self.scene)
         return self.windows.join(found)
 
     def blended(
         self, x: Float[Tensor, "W F 270"], level: Float[Tensor, " W"]
     ) -> Float[Tensor, "W F 270"]:
         """Predictions of both networks for the same noisy hands, blended and with guidance."""
-        body, text, blend = self.networks.body, self.networks.text, self.networks.blend
-        of_body, of_text = both_answers(body, text, (x, x), level, self.conditions, self.scene)
-        return torch.lerp(of_body, blend(of_body, of_text, level), self.config.guidance)
+        answers = self.networks.answers((x, x), level, self.conditions, self.scene)
+        found = self.networks.blend(*answers, level)
+        return torch.lerp(answers[0], found, self.config.guidance)
 
     def run(self, network: HandsDenoiser, answer: Answer) -> Float[Tensor, "B T 270"]:
         """Hands from noise by the denoiser `answer`, which one network or several make up."""

@@ -5,8 +5,8 @@ from functools import cache
 
 from geneoh.choices import SIDES
 from geneoh.errors import shortened
-from geneoh.generators.pieces import words_of
 from geneoh.generators.sentences import check_english, refused
+from geneoh.generators.text import words_of
 from geneoh.generators.text2hoi.sentences import prompt
 from geneoh.generators.text2hoi.sentences.negation import rules_out, without_ruled_out
 from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS

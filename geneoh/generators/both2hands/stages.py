@@ -10,18 +10,16 @@ import torch
 from tokenizers import Tokenizer
 
 from geneoh.choices import BodySource, BodyStage
-from geneoh.generators.both2hands.config import Both2HandsConfig
-from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig
 from geneoh.generators.both2hands.library import (
     Speech,
     load_branches,
     reader_of,
     refuse_other_scales,
 )
+from geneoh.generators.both2hands.networks import BodyHands, HandsConfig
 from geneoh.generators.both2hands.recorded import recorded_gestures
-from geneoh.generators.both2hands.training import HandsTask
-from geneoh.generators.pieces import learned_pieces, vocabulary_of
-from geneoh.generators.text import foreign_encoder
+from geneoh.generators.both2hands.training import Both2HandsConfig, HandsTask
+from geneoh.generators.text import foreign_encoder, learned_pieces, vocabulary_of
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import load_network
 from geneoh.progress import OnProgress

@@ -1,8 +1,9 @@
-"""The networks of BOTH2Hands as tasks of the training loop."""
+"""The networks of BOTH2Hands as tasks of the training loop, and the settings of these."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -11,19 +12,62 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from geneoh.bundle import Bundle, concatenated
-from geneoh.choices import BodyStage
-from geneoh.generators.both2hands.blend import Blender
-from geneoh.generators.both2hands.config import Both2HandsConfig
-from geneoh.generators.both2hands.denoiser import BodyHands, HandsDenoiser, TextHands
-from geneoh.generators.both2hands.features import HandsFrame, Scale, hand_features, placed
+from geneoh.choices import BODY_STAGES, BodyStage
+from geneoh.generators.both2hands.features import (
+    HandsFrame,
+    PlacedBodies,
+    Scale,
+    hand_features,
+    placed,
+)
 from geneoh.generators.both2hands.library import Branches, Speech
-from geneoh.generators.both2hands.scene import PlacedBodies, both_answers
+from geneoh.generators.both2hands.networks import (
+    BlendConfig,
+    Blender,
+    BodyHands,
+    HandsConfig,
+    HandsDenoiser,
+    TextHands,
+    TextHandsConfig,
+)
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.data import TrainingData
 from geneoh.training.resume import digest
+from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import DrawnSamples, SamplesTask, first_weights
+
+
+@dataclass(frozen=True)
+class Both2HandsConfig(RunConfig):
+    """The training of one network; every value is saved with the weights."""
+
+    READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **{stage: (stage,) for stage in BODY_STAGES},
+        **{"gestures": ("text_hands",), "target": ("blend",)},
+    }
+
+    steps: int = 800
+    batch: int = 16
+    rate: float = 2e-3
+    warmup: int = 30
+    decay: float = 0.6
+    ema: float = 0.995
+    error: Literal["squared", "absolute"] = "squared"
+    """Error that the loss averages: squared, whose best prediction is the mean; or absolute
+    (paper)."""
+    velocity: float = 1.0  # weight of this error for differences between frames (paper: 0)
+    gestures: float = 0.3
+    """Weight of the cross-entropy of each hand's gesture, which teaches words sooner than the hands
+    do (paper: 0); only labelled clips count."""
+    target: Literal["hands", "mean"] = "hands"
+    """Target of blended hands: the true ones, so that the sentence counts wherever it tells more
+    than the body; or the weighted mean of both predictions (paper)."""
+    body_hands: HandsConfig = field(default_factory=HandsConfig)
+    text_hands: TextHandsConfig = field(default_factory=TextHandsConfig)
+    blend: BlendConfig = field(default_factory=BlendConfig)
+
 
 MOST_FITTED = 256  # largest number of clips that the scale of features is fitted to
 CHUNK = 64  # clips whose features are computed at once
@@ -189,7 +233,7 @@ def blended_answers(
         other = own + text.sigmas[level][:, None, None] * draws.like(own)
     with torch.no_grad():
         condition = body.encode(samples.features.body), text.encode(samples.sentence)
-        answers = both_answers(body, text, (noisy, other), level.float(), condition, scene)
+        answers = branches.answers((noisy, other), level.float(), condition, scene)
     target = clean if config.target == "hands" else blender.mean(*answers)
     return blender(*answers, level.float()), target
 

@@ -15,8 +15,7 @@ from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refi
 from geneoh.config import check_fields
 from geneoh.errors import numbered
 from geneoh.files.npz import Arrays
-from geneoh.generators.text2hoi.choosing import missed_motion
-from geneoh.generators.text2hoi.missing import fault_note, missing_notes
+from geneoh.generators.text2hoi.choosing import fault_note, missed_motion, missing_notes
 from geneoh.generators.text2hoi.networks.library import (
     Text2HoiNetworks,
     load_refiner,

@@ -14,8 +14,7 @@ from geneoh.body.skeleton import embedded_skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.gestures.repertoire import Gesture, HandPose
-from geneoh.synthesis.gestures.shapes import SHAPES
+from geneoh.synthesis.gestures.repertoire import SHAPES, Gesture, HandPose
 from geneoh.synthesis.gestures.variation import GestureTiming, HandSettings, Variation
 from geneoh.synthesis.motions.schedule import minimum_jerk
 

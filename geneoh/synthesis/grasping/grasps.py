@@ -19,10 +19,22 @@ from geneoh.hand.spheres import hand_scale, hand_spheres
 from geneoh.nn.adam import adam
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, OtherHands, Table, contact_pads
-from geneoh.synthesis.grasping.grasp_checks import GraspChecks, passes
-from geneoh.synthesis.grasping.grasp_energy import GraspAttempt, GraspEnergy, Hands, grasp_energy
-from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES, of_type
-from geneoh.synthesis.grasping.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, curled
+from geneoh.synthesis.grasping.grasp_energy import (
+    GraspAttempt,
+    GraspChecks,
+    GraspEnergy,
+    Hands,
+    grasp_energy,
+    passes,
+)
+from geneoh.synthesis.grasping.grasp_types import (
+    FINGER_HIGH,
+    FINGER_LOW,
+    FINGER_STD,
+    GRASP_TYPES,
+    curled,
+    of_type,
+)
 from geneoh.synthesis.shapes.solids import Solids
 
 

@@ -13,8 +13,8 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rota
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.grasping.grasp_types import curled
 from geneoh.synthesis.grasping.grasps import Grasps, Grips
-from geneoh.synthesis.grasping.pose_prior import curled
 from geneoh.synthesis.motions.object_motion import Standing
 from geneoh.synthesis.motions.schedule import Schedule, minimum_jerk
 

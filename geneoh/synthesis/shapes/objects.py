@@ -3,32 +3,12 @@
 import torch
 from torch import Tensor
 
-from geneoh.config import closest_name
-from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.shapes.family_parts import RIGID, UNUSED, Drawn, Family, Shape
-from geneoh.synthesis.shapes.jointed_families import JOINTED_FAMILIES
-from geneoh.synthesis.shapes.rigid_families import RIGID_FAMILIES
+from geneoh.synthesis.shapes.families import RIGID, UNUSED, Drawn, Shape, family_named
 from geneoh.synthesis.shapes.scans import Scans
 from geneoh.synthesis.shapes.solids import SCAN, SOLIDS, Solids
 
 SCALES = (0.9, 1.1)  # range of the scale factor of a scanned object
-_ORDER = """
-    box board cylinder capsule ellipsoid ring mug hammer bottle pan knife loop_tool cluster ball
-    coin phone pen carton bowl plate spoon brush screwdriver scissors pliers laptop chest drawer
-    kettle wine_glass mouse spray matchbox plunger
-"""
-"""The order of the families; another order would change all synthetic data."""
-FAMILIES: dict[str, Family] = {
-    name: (RIGID_FAMILIES | JOINTED_FAMILIES)[name] for name in _ORDER.split()
-}
-
-
-def family_named(name: str) -> Family:
-    """The function that draws an object of a family; `ConfigError` if there is none."""
-    if name not in FAMILIES:
-        raise ConfigError(f"'{name}' is no object family; {closest_name(name, FAMILIES)}")
-    return FAMILIES[name]
 
 
 def draw_objects(

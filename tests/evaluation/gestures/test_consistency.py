@@ -5,7 +5,7 @@ import torch
 
 from geneoh.evaluation.gestures.encoder import EncoderConfig, EncoderTask, Seen
 from geneoh.evaluation.gestures.rows import shuffled
-from geneoh.generators.text_network import SentenceConfig
+from geneoh.generators.text import SentenceConfig
 from geneoh.synthesis.gestures.repertoire import GestureShares
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 from geneoh.training.loop import trained

@@ -13,7 +13,7 @@ from geneoh.evaluation.gestures.encoder import (
     Seen,
 )
 from geneoh.evaluation.gestures.rows import shuffled
-from geneoh.generators.text_network import SentenceConfig
+from geneoh.generators.text import SentenceConfig
 from geneoh.training.loop import trained
 
 TINY = EncoderConfig(

@@ -8,12 +8,12 @@ from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS
 from geneoh.generators.both2hands.features import (
     HANDS,
+    PlacedBodies,
     body_features,
     hand_features,
     placed,
     with_fingers,
 )
-from geneoh.generators.both2hands.scene import PlacedBodies
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 FRAMES = ("wrist", "world")

@@ -8,9 +8,14 @@ import torch
 from made_bodies import SMALL, speech, tiny_networks
 
 from geneoh.config import configured
-from geneoh.generators.both2hands.blend import BlendConfig, Blender
-from geneoh.generators.both2hands.config import Both2HandsConfig
-from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig, TextHands
+from geneoh.generators.both2hands.networks import (
+    BlendConfig,
+    Blender,
+    BodyHands,
+    HandsConfig,
+    TextHands,
+)
+from geneoh.generators.both2hands.training import Both2HandsConfig
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 LEVEL = torch.tensor([400.0, 900.0])

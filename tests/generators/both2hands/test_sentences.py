@@ -9,7 +9,7 @@ from geneoh.generators.both2hands.sentences import (
     said_of_gestures,
     unknown_words,
 )
-from geneoh.generators.pieces import words_of
+from geneoh.generators.text import words_of
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,15 @@ from two_parts import DEEP, HIGH, HINGE, box_with_lid
 
 import geneoh
 from geneoh.errors import ConfigError, InputError
+from geneoh.generators.text2hoi import choosing
 from geneoh.generators.text2hoi import generate as module
-from geneoh.generators.text2hoi import missing
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactNetwork,
+    LengthConfig,
+    LengthNetwork,
+)
 from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.physics.resting import touching_hands
 from geneoh.generators.text2hoi.sampling import sample_actions
@@ -166,7 +169,7 @@ def test_length_comes_from_the_sentence_where_none_is_asked_for(mug):
 def test_a_direction_of_passing_that_was_not_drawn_is_told(mug, monkeypatch):
     said = "pass it from the left hand to the right hand"
     for passed, told in ((False, 1), (True, 0)):
-        monkeypatch.setattr(missing, "handed_over", lambda *_, passed=passed: passed)
+        monkeypatch.setattr(choosing, "handed_over", lambda *_, passed=passed: passed)
         notes = generate(said, mug, PLAIN).prompt.notes
         said_so = "in the best of 8 drawn motions the left hand does not pass the object on"
         assert sum(said_so in note for note in notes) == told
@@ -183,8 +186,8 @@ def test_a_hand_that_does_not_come_to_the_object_is_told(mug, monkeypatch):
     for frames, words in ((0, "does not come to"), (8, "hardly touches"), (20, "")):
         touching = torch.ones(1, 2, 20, dtype=torch.bool)
         touching[0, 0, frames:] = False
-        monkeypatch.setattr(missing, "touching_hands", lambda _, touching=touching: touching)
-        monkeypatch.setattr(missing, "frames_of_motion", lambda _: torch.ones(20) > 0)
+        monkeypatch.setattr(choosing, "touching_hands", lambda _, touching=touching: touching)
+        monkeypatch.setattr(choosing, "frames_of_motion", lambda _: torch.ones(20) > 0)
         notes = generate("lift it with both hands", mug, PLAIN).prompt.notes
         said_so = f"in the best of 8 drawn motions the left hand {words} the object"
         assert sum(said_so in note for note in notes) == bool(words)
@@ -209,7 +212,7 @@ def test_an_unusual_length_gets_the_motion_of_a_usual_one(mug, monkeypatch):
 @pytest.mark.parametrize(("said", "told"), [("lift it", True), ("press it", False)])
 def test_an_object_that_hardly_moves_is_told_unless_it_is_pressed(mug, monkeypatch, said, told):
     def notes_of(moved):
-        monkeypatch.setattr(missing, "moved_by", lambda _: torch.tensor([moved]))
+        monkeypatch.setattr(choosing, "moved_by", lambda _: torch.tensor([moved]))
         return generate(said, mug, PLAIN).prompt.notes
 
     note = "the object hardly moves; another seed may make it move"

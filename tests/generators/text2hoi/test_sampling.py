@@ -11,9 +11,12 @@ from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi import sampling as module
 from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.networks import library
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactNetwork,
+    LengthConfig,
+    LengthNetwork,
+)
 from geneoh.generators.text2hoi.networks.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks, load_text2hoi
 from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.sampling import (
@@ -201,7 +204,7 @@ def saved(folder, networks):
 
 def test_networks_of_a_folder_make_the_same_clips(networks, objects, tmp_path, monkeypatch):
     saved(tmp_path, networks)
-    monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
+    monkeypatch.setattr(library, "load_text_encoder", lambda *_: WordEncoder())
     loaded = load_text2hoi(tmp_path)
     assert loaded.interaction.config == TINY.interaction
     torch.testing.assert_close(drawn(loaded, objects).wrist, drawn(networks, objects).wrist)
@@ -210,7 +213,7 @@ def test_networks_of_a_folder_make_the_same_clips(networks, objects, tmp_path, m
 def test_networks_of_another_text_encoder_are_refused(networks, tmp_path, monkeypatch):
     saved(tmp_path, networks)
     monkeypatch.setattr(WordEncoder, "width", 9)
-    monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
+    monkeypatch.setattr(library, "load_text_encoder", lambda *_: WordEncoder())
     with pytest.raises(ConfigError, match="expected a text encoder of 8 features, got one of 9"):
         load_text2hoi(tmp_path)
 

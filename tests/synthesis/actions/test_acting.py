@@ -17,7 +17,8 @@ from geneoh.synthesis.actions.setups import CONTAINERS, SetupConfig, is_containe
 from geneoh.synthesis.grasping.grasps import Grasps
 from geneoh.synthesis.motions.clearance import ClearanceConfig
 from geneoh.synthesis.motions.hand_motion import HandMotionConfig
-from geneoh.synthesis.shapes.objects import FAMILIES, draw_objects
+from geneoh.synthesis.shapes.families import FAMILIES
+from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.synthesis.shapes.solids import Solids
 
 FAMILY = ["mug", "box", "bottle", "cylinder", "bowl", "hammer", "carton", "laptop"]

@@ -12,8 +12,7 @@ from geneoh.synthesis.gestures.both_hands import Role, Roles, draw_roles
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import stroke, taps
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
-from geneoh.synthesis.gestures.repertoire import GestureShares
-from geneoh.synthesis.gestures.shapes import SHAPES
+from geneoh.synthesis.gestures.repertoire import SHAPES, GestureShares
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 from geneoh.synthesis.gestures.variation import HandSettings, Variation

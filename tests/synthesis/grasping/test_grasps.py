@@ -13,8 +13,8 @@ from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics
 from geneoh.hand.spheres import BONE_RADIUS, hand_scale
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.contact_pads import contact_pads
-from geneoh.synthesis.grasping.grasp_checks import GraspChecks
-from geneoh.synthesis.grasping.grasp_types import GRASP_TYPES
+from geneoh.synthesis.grasping.grasp_energy import GraspChecks
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN, FINGER_STD, GRASP_TYPES, curled
 from geneoh.synthesis.grasping.grasps import (
     GraspConfig,
     Grasps,
@@ -22,7 +22,6 @@ from geneoh.synthesis.grasping.grasps import (
     shifted_grips,
     synthesize_grasps,
 )
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN, FINGER_STD, curled
 from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.synthesis.shapes.solids import Solids
 

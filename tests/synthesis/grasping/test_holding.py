@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.grasping.grasp_checks import unheld
+from geneoh.synthesis.grasping.grasp_energy import unheld
 
 RIGHT, LEFT, UP = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 

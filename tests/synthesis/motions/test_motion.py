@@ -10,8 +10,8 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.bimanual import HandPairs
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 from geneoh.synthesis.grasping.grasps import Grasps, Grips
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
 from geneoh.synthesis.motions.motion import Interactions, animate
 from geneoh.synthesis.motions.object_motion import (
     ObjectMotionConfig,

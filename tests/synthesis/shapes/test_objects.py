@@ -6,8 +6,8 @@ from draws import seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.synthesis.shapes.jointed_families import JOINTED_FAMILIES
-from geneoh.synthesis.shapes.objects import FAMILIES, draw_objects
+from geneoh.synthesis.shapes.families import FAMILIES, JOINTED_FAMILIES
+from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.synthesis.shapes.solids import BOX, CYLINDER, ELLIPSOID, FAR_AWAY, TORUS, Solids
 
 

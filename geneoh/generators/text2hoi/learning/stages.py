@@ -6,12 +6,11 @@ from pathlib import Path
 
 from geneoh.choices import GeneratorStage
 from geneoh.generators.text2hoi.learning.action_data import action_data
-from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
 from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
-from geneoh.generators.text2hoi.learning.samples import ActionData
+from geneoh.generators.text2hoi.learning.samples import ActionData, Text2HoiConfig
 from geneoh.generators.text2hoi.learning.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.learning.training import ActionTask, LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.networks.library import conditioned_network, encoder_of
+from geneoh.generators.text2hoi.networks.library import conditioned_network, load_text_encoder
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.training.data import DataSource, TrainingData
@@ -58,12 +57,12 @@ def generator_task(
         return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
     if stage == "length":
         lengths = stage_config(LengthTrainConfig(), stage, config, settings)
-        encoder = encoder_of(learned.folder, learned.text_encoder)
+        encoder = load_text_encoder(learned.text_encoder, learned.folder)
         lengths = replace(lengths, length=replace(lengths.length, text=encoder.width))
         data = learned.actions(lengths.recorded, on_progress)
         return LengthTask(lengths, data, encoder), data.notes
     chosen = stage_config(Text2HoiConfig(), stage, config, settings)
-    encoder = encoder_of(learned.folder, learned.text_encoder)
+    encoder = load_text_encoder(learned.text_encoder, learned.folder)
     chosen = replace(
         chosen,
         contact=replace(chosen.contact, text=encoder.width),

@@ -12,11 +12,10 @@ from torch.nn import functional
 
 from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict, check_limits
-from geneoh.generators.pieces import marked, piece_numbers, words_of
+from geneoh.generators.text import TextConfig, TextNetwork, marked, piece_numbers, words_of
 from geneoh.generators.text2hoi.sentences import text_data
 from geneoh.generators.text2hoi.sentences.captions import caption
 from geneoh.generators.text2hoi.sentences.text_data import Sentences, draw_sentences
-from geneoh.generators.text_network import TextConfig, TextNetwork
 from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
 from geneoh.seeds import seeded_generator

@@ -12,24 +12,29 @@ from geneoh.bundle import Bundle
 from geneoh.choices import ActionStage
 from geneoh.errors import ConfigError
 from geneoh.generators.text import TextEncoder
-from geneoh.generators.text2hoi.learning.config import Text2HoiConfig
 from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
 from geneoh.generators.text2hoi.learning.samples import (
     ActionData,
     ActionSamples,
+    Text2HoiConfig,
     draw_samples,
     sentences,
 )
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork, contact_loss
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactNetwork,
+    LengthConfig,
+    LengthNetwork,
+    contact_loss,
+    length_loss,
+)
 from geneoh.generators.text2hoi.networks.interaction import (
     Condition,
     InteractionNetwork,
     set_statistics,
 )
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork, length_loss
+from geneoh.generators.text2hoi.networks.library import ASKED
 from geneoh.generators.text2hoi.networks.losses import geometric_loss, simple_loss
 from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, points_of, refiner_loss
-from geneoh.generators.text2hoi.networks.text import ASKED
 from geneoh.generators.text2hoi.networks.tokens import Tokens, actions_of, tokens_of
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part

@@ -19,8 +19,12 @@ from torch import Tensor, nn
 from geneoh.bundle import Bundle
 from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
-from geneoh.generators.text2hoi.networks.objects import Objects
-from geneoh.generators.text2hoi.networks.pointnet import ObjectTokens, PointConfig, WholeObject
+from geneoh.generators.text2hoi.networks.objects import (
+    Objects,
+    ObjectTokens,
+    PointConfig,
+    WholeObject,
+)
 from geneoh.generators.text2hoi.networks.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.networks.principal_axes import (
     PrincipalAxes,

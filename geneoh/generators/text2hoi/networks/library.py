@@ -1,7 +1,8 @@
 """The trained networks of Text2HOI: where weights are, and how networks are rebuilt from them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,90 @@ from torch import Tensor
 
 from geneoh.choices import GENERATOR_STAGES
 from geneoh.errors import CheckpointError, ConfigError
-from geneoh.generators.text import TextEncoder
-from geneoh.generators.text2hoi.networks.contact import ContactConfig, ContactNetwork
+from geneoh.generators.text import (
+    Reading,
+    TextConfig,
+    TextEncoder,
+    TextNetwork,
+    foreign_encoder,
+    sentence_numbers,
+    vocabulary_of,
+)
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactConfig,
+    ContactNetwork,
+    LengthConfig,
+    LengthNetwork,
+)
 from geneoh.generators.text2hoi.networks.interaction import InteractionConfig, InteractionNetwork
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.networks.refiner import RefinerConfig, RefinerNetwork
-from geneoh.generators.text2hoi.networks.text import ASKED, load_text_encoder, shipped_model
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+ASKED = "Lift a mug with the right hand."
+"""The sentence whose vector identifies a text encoder."""
 SAME = 0.1
 """Largest relative distance of a sentence's vectors that count as made by one encoder: rounding
 differs by at most a hundredth between machines, and separately trained encoders are unrelated."""
+
+
+class TextModel:
+    """Our own encoder with its vocabulary and the classes of its heads."""
+
+    def __init__(self, path: Path = SHIPPED / "text.safetensors") -> None:
+        """Read a file of weights; `CheckpointError` if it is missing or of another network."""
+        saved = load_checkpoint(path)
+        self.network = load_network(path, TextNetwork, TextConfig, saved)
+        self.tokenizer = vocabulary_of(saved.record, path)
+        try:
+            classes = saved.record["classes"]
+            self.verbs: list[str] = list(classes["verbs"])
+            self.hands: list[str | None] = list(classes["hands"])
+        except (KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"{path}: expected weights with the classes that they tell apart, got others; "
+                "train them again with `geneoh train --stage text`"
+            ) from error
+
+    def vectors(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
+        """The vectors of one sentence or more."""
+        longest = self.network.config.longest
+        return self.network(sentence_numbers(self.tokenizer, sentences, longest))
+
+    def read(self, sentence: str) -> Reading:
+        """Logits of the heads for a sentence."""
+        return self.network.read(self.vectors([sentence]))
+
+    def encoder(self) -> TextEncoder:
+        """The text encoder that conditions the other networks."""
+        return TextEncoder(self.network.config.width, self.vectors)
+
+
+@cache
+def shipped_model() -> TextModel:
+    """The encoder that ships with geneoh, which is read once."""
+    return TextModel()
+
+
+def load_text_encoder(text_encoder: Path | None = None, folder: Path | None = None) -> TextEncoder:
+    """The text encoder in `text_encoder`, else that of a folder of weights, else the shipped one.
+
+    `text_encoder` holds `text.safetensors` of `geneoh train --stage text`, or a CLIP or
+    sentence-transformers model as the library transformers saves it.
+
+    Raises:
+        InputError: the folder holds no model that can be used.
+        ConfigError: the library transformers is needed and not installed.
+        CheckpointError: our weights in the folder are damaged.
+    """
+    if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
+        text_encoder = folder
+    if text_encoder is None:
+        return shipped_model().encoder()
+    if (ours := text_encoder / "text.safetensors").is_file():
+        return TextModel(ours).encoder()
+    return foreign_encoder(text_encoder)
 
 
 NETWORKS: dict[str, tuple[Any, Any]] = {
@@ -59,7 +131,7 @@ def load_text2hoi(
         ConfigError: the networks were trained with another text encoder.
     """
     refuse_none_of(GENERATOR_STAGES, folder)
-    text = encoder_of(folder, text_encoder)
+    text = load_text_encoder(text_encoder, folder)
     return Text2HoiNetworks(
         text,
         conditioned_network("contact", folder, text).to(device),
@@ -118,13 +190,6 @@ def vector_of_training(
 def load_refiner(folder: Path | None) -> RefinerNetwork:
     """The refiner of a folder, else the shipped one; `CheckpointError` where it does not fit."""
     return load_network(text2hoi_weights("refiner", folder), RefinerNetwork, RefinerConfig)
-
-
-def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
-    """The text encoder in `text_encoder`, else that of the folder, else the shipped one."""
-    if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
-        text_encoder = folder
-    return load_text_encoder(text_encoder)
 
 
 def text2hoi_weights(name: str, folder: Path | None) -> Path:

@@ -18,7 +18,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.hand.spheres import hand_and_wrist_spheres, hand_scale
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table, contact_pads
-from geneoh.synthesis.grasping.grasp_checks import unheld
+from geneoh.synthesis.grasping.grasp_energy import unheld
 from geneoh.synthesis.grasping.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 

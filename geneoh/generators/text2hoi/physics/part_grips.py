@@ -16,7 +16,7 @@ from geneoh.generators.text2hoi.physics.held_hands import GRASPS, PAD_TOUCH, Hel
 from geneoh.geometry.forces import friction_cones, wrench_left
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
-from geneoh.synthesis.grasping.grasp_checks import FRICTION
+from geneoh.synthesis.grasping.grasp_energy import FRICTION
 from geneoh.synthesis.grasping.grasps import synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from geneoh.generators.sentences import refused
-from geneoh.generators.text2hoi.networks.length import SHORTEST_ACTION
+from geneoh.generators.text2hoi.networks.autoencoders import SHORTEST_ACTION
 from geneoh.synthesis.actions.action import FPS, LONGEST
 
 _SMALL = (

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 
 from geneoh.choices import HANDS, SIDES, HandsName, Side
-from geneoh.generators.pieces import words_of
 from geneoh.generators.sentences import check_english, nearest_word, refused
-from geneoh.generators.text2hoi.networks.text import shipped_model
+from geneoh.generators.text import words_of
+from geneoh.generators.text2hoi.networks.library import shipped_model
 from geneoh.generators.text2hoi.sentences.captions import ADJECTIVES
 from geneoh.generators.text2hoi.sentences.duration import (
     length_in_frames,

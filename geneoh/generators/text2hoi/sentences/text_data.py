@@ -10,7 +10,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import HANDS, HandsName
-from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
+from geneoh.generators.text import learned_pieces, marked, piece_numbers, words_of
 from geneoh.generators.text2hoi.sentences.captions import caption, with_the
 from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.language.conjugation import forms

@@ -5,8 +5,8 @@ from made_actions import NAMES, WordEncoder, made_actions
 
 from geneoh.generators.text2hoi.learning.samples import ActionData
 from geneoh.generators.text2hoi.learning.training import LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.networks.text import load_text_encoder
+from geneoh.generators.text2hoi.networks.autoencoders import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.networks.library import load_text_encoder
 from geneoh.nn.weights import load_network
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions.action import VERBS

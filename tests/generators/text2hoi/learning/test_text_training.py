@@ -4,6 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from geneoh.generators.text import Reading, TextConfig, TextNetwork
 from geneoh.generators.text2hoi.learning.stages import Learned, generator_task
 from geneoh.generators.text2hoi.learning.text_training import (
     KINDS,
@@ -11,9 +12,8 @@ from geneoh.generators.text2hoi.learning.text_training import (
     TextTrainConfig,
     text_loss,
 )
-from geneoh.generators.text2hoi.networks.text import TextModel, load_text_encoder
+from geneoh.generators.text2hoi.networks.library import TextModel, load_text_encoder
 from geneoh.generators.text2hoi.sentences.text_data import Sentences
-from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.training.data import DataSource
 from geneoh.training.loop import train
 from geneoh.training.processes import Team

@@ -9,7 +9,7 @@ from made_networks import TINY, in_paper_form, tiny_data, tiny_task
 
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi.learning.samples import ActionData, draw_samples, sentences
-from geneoh.generators.text2hoi.networks.contact import ContactNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import ContactNetwork
 from geneoh.generators.text2hoi.networks.interaction import LEAST_DEVIATION, Condition
 from geneoh.generators.text2hoi.networks.tokens import tokens_of
 from geneoh.nn.checkpoint import load_checkpoint

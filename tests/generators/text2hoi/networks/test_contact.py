@@ -6,9 +6,12 @@ import torch
 from made_actions import made_actions
 from made_networks import TINY
 
-from geneoh.generators.text2hoi.networks.contact import ContactConfig, ContactNetwork, contact_loss
-from geneoh.generators.text2hoi.networks.objects import Objects
-from geneoh.generators.text2hoi.networks.pointnet import PointConfig, PointNet, pooled
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    ContactConfig,
+    ContactNetwork,
+    contact_loss,
+)
+from geneoh.generators.text2hoi.networks.objects import Objects, PointConfig, PointNet, pooled
 
 
 def network_of(**changes) -> ContactNetwork:

@@ -11,8 +11,7 @@ from geneoh.generators.text2hoi.networks.interaction import (
     InteractionNetwork,
     moments,
 )
-from geneoh.generators.text2hoi.networks.objects import Objects
-from geneoh.generators.text2hoi.networks.pointnet import PointConfig
+from geneoh.generators.text2hoi.networks.objects import Objects, PointConfig
 from geneoh.generators.text2hoi.networks.principal_axes import Waves
 from geneoh.generators.text2hoi.networks.tokens import tokens_of
 from geneoh.nn.blocks import in_steps, sinusoid

@@ -7,7 +7,11 @@ from draws import seeded
 
 from geneoh.config import configured
 from geneoh.generators.text2hoi.learning.training import LengthTrainConfig
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork, length_loss
+from geneoh.generators.text2hoi.networks.autoencoders import (
+    LengthConfig,
+    LengthNetwork,
+    length_loss,
+)
 
 PAPER = Path(__file__).parents[4] / "configs/length_paper.toml"
 SMALL = LengthConfig(latent=4, hidden=16, text=3)

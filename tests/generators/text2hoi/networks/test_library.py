@@ -4,14 +4,14 @@ import torch
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.learning.training import text_record
-from geneoh.generators.text2hoi.networks.length import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.networks.autoencoders import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.networks.library import (
     SHIPPED,
     load_text2hoi,
+    load_text_encoder,
     refuse_other_encoder,
     text2hoi_weights,
 )
-from geneoh.generators.text2hoi.networks.text import load_text_encoder
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from geneoh.nn.weights import load_network
 

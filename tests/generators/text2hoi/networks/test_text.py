@@ -6,7 +6,7 @@ import torch
 
 from geneoh.errors import CheckpointError, ConfigError, InputError
 from geneoh.generators.text2hoi.learning.text_training import accuracy
-from geneoh.generators.text2hoi.networks.text import (
+from geneoh.generators.text2hoi.networks.library import (
     SHIPPED,
     TextEncoder,
     load_text_encoder,
@@ -49,7 +49,7 @@ def test_only_the_latest_sentences_are_kept(monkeypatch):
 
 
 def test_shipped_encoder_is_small_and_of_width_128():
-    assert SHIPPED.stat().st_size < 1_000_000
+    assert (SHIPPED / "text.safetensors").stat().st_size < 1_000_000
     encoder = load_text_encoder()
     assert encoder.width == 128
     vectors = encoder.encode(["Lift a mug with both hands.", "Pour from the kettle."])
@@ -99,7 +99,7 @@ def test_weights_of_another_network_are_refused(tmp_path):
     save_checkpoint(path, Checkpoint({"a": torch.zeros(2)}, endless))
     with pytest.raises(CheckpointError, match="depth must be at most 1"):
         load_text_encoder(tmp_path)
-    shipped = load_checkpoint(SHIPPED)
+    shipped = load_checkpoint(SHIPPED / "text.safetensors")
     for missing, words in (("tokenizer", "their vocabulary"), ("classes", "the classes that")):
         record = {name: value for name, value in shipped.record.items() if name != missing}
         save_checkpoint(path, Checkpoint(shipped.tensors, record))

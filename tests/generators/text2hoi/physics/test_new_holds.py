@@ -14,7 +14,7 @@ from geneoh.generators.text2hoi.physics.settling import settled, solid_of
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.synthesis.grasping.contact_pads import Table
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 RADIUS = 0.035
 TABLE = Table(torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([RADIUS]))

@@ -25,7 +25,7 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.actions.acting import overlap_of_hands
 from geneoh.synthesis.grasping.contact_pads import OtherHands
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 FRAMES = 60
 

@@ -18,7 +18,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.spheres import hand_spheres
 from geneoh.synthesis.grasping.contact_pads import OtherHands
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 RADIUS, HEIGHT = 0.03, 0.16
 

@@ -11,7 +11,7 @@ from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.generators.text2hoi.physics.withdrawing import DEEP_ON_WAY, depths, withdrawn
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
-from geneoh.synthesis.grasping.pose_prior import FINGER_MEAN
+from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 FRAMES, HOLD, BESIDE = 90, torch.arange(40, 50), 0.045
 TABLE = Table(torch.tensor([[0.0, 0, 1]]).expand(FRAMES, 3), torch.full((FRAMES,), 1.0))

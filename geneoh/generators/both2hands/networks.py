@@ -1,9 +1,17 @@
-"""The two networks that denoise hands: one is conditioned on the body, the other on a sentence.
+"""The networks of BOTH2Hands: two denoise hands, by the body or by a sentence, and one blends them.
 
-Source: BOTH2Hands, sections 4.1 and 4.2. Both predict the clean sample. Ours (`form="ours"`): one
-token per hand for several frames, pre-norm blocks with rotary positions, and tokens of the words
-beside that of the sentence, so that each hand can attend to the words about it. `form="paper"`
-has one token per frame and one for the condition.
+Source: BOTH2Hands, sections 4.1 to 4.3, and its code. All predict the clean sample. Ours
+(`form="ours"`): one token per hand for several frames, pre-norm blocks with rotary positions, and
+tokens of the words beside that of the sentence, so that each hand can attend to the words about it.
+`form="paper"` has one token per frame and one for the condition, and post-norm blocks whose heads
+have a width of their own; without dropout, because all random numbers of a run come from its own
+generator.
+
+In the first block of the blend the body's hands attend to the sentence's, in the second the result
+attends to the body's hands, and so on; every block is used, where the paper's code leaves the last
+one out. Ours adds the output to the weighted mean of both and blends in every step of the reverse
+process, in which both networks denoise the same noisy hands, so that their predictions fit each
+other. The paper blends hands of two separate reverse processes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,10 +25,59 @@ from geneoh.bundle import Bundle
 from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame, Scale, Scaling
-from geneoh.generators.both2hands.paper_layers import PaperTransformer
-from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
-from geneoh.nn.blocks import FrameTransformer, NetworkConfig, in_steps
+from geneoh.generators.text import SentenceConfig, SentenceNetwork
+from geneoh.nn.blocks import FrameTransformer, NetworkConfig, in_steps, mlp, sinusoid, zeroed
 from geneoh.synthesis.gestures.clips import NAMES
+
+
+class PaperBlock(nn.Module):
+    """Attention of tokens to a memory, then a feed-forward layer, each followed by its norm."""
+
+    def __init__(self, width: int, heads: int, head_width: int) -> None:
+        super().__init__()
+        self.heads, inner = heads, heads * head_width
+        self.query, self.key, self.value = (nn.Linear(width, inner) for _ in range(3))
+        self.project = nn.Linear(inner, width)
+        self.norm_attention = nn.LayerNorm(width)
+        self.forward_layers = nn.Sequential(
+            nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width)
+        )
+        self.norm_forward = nn.LayerNorm(width)
+
+    def forward(
+        self, tokens: Float[Tensor, "B N D"], memory: Float[Tensor, "B M D"]
+    ) -> Float[Tensor, "B N D"]:
+        """One update of the tokens; the memory is the tokens themselves for self-attention."""
+        q, k, v = (
+            layer(each).unflatten(-1, (self.heads, -1)).transpose(1, 2)
+            for layer, each in ((self.query, tokens), (self.key, memory), (self.value, memory))
+        )
+        found = nn.functional.scaled_dot_product_attention(q, k, v)
+        found = self.project(found.transpose(1, 2).flatten(-2))
+        tokens = self.norm_attention(tokens + found)
+        return self.norm_forward(tokens + self.forward_layers(tokens))
+
+
+class PaperTransformer(nn.Module):
+    """Blocks of self-attention; the noise level is added to the first token."""
+
+    def __init__(self, width: int, depth: int, heads: int, head_width: int) -> None:
+        super().__init__()
+        self.level = nn.Sequential(nn.Linear(64, 256), nn.GELU(), nn.Linear(256, width))
+        self.blocks = nn.ModuleList(PaperBlock(width, heads, head_width) for _ in range(depth))
+
+    def forward(
+        self, tokens: Float[Tensor, "B N D"], level: Float[Tensor, " B"]
+    ) -> Float[Tensor, "B N D"]:
+        """Tokens after all blocks; `level` is the index of the noise level, 0 to 1,000."""
+        first = tokens[:, :1] + self.level(sinusoid(level, 64))[:, None]
+        tokens = torch.cat([first, tokens[:, 1:]], dim=1)
+        place = torch.arange(1, tokens.shape[1] + 1, device=tokens.device).to(tokens)
+        tokens = tokens + sinusoid(place, tokens.shape[-1])
+        for block in self.blocks:
+            tokens = block(tokens, tokens)
+        return tokens
+
 
 Form = Literal["ours", "paper"]
 
@@ -183,3 +240,64 @@ class TextHands(HandsDenoiser):
         """Logits of the gestures of the left and the right hand that a sentence names."""
         assert self.named is not None, "the paper's form names no gestures"
         return self.named(condition.tokens[:, 0]).unflatten(-1, (2, -1))
+
+
+@dataclass(frozen=True)
+class BlendConfig(NetworkConfig):
+    """Size and form of the network; the paper's are `configs/blend_paper.toml`."""
+
+    form: Form = "ours"
+    width: int = 128
+    depth: int = 4
+    heads: int = 4
+    head_width: int = 32
+    frames_per_token: int = 6  # (paper: 1)
+    body_weight: float = 0.8  # w_B, of the body's hands in the weighted mean
+    text_weight: float = 0.2  # w_T, of the sentence's
+    repeats: int = 3
+    """How often the paper's form blends the finished hands, each time with the sentence's again;
+    ours blends in every step of the reverse process instead."""
+
+
+class Blender(nn.Module):
+    """Blends two predictions of the hands on one body, normalised as in the body's network."""
+
+    def __init__(self, config: BlendConfig) -> None:
+        super().__init__()
+        self.config = config
+        width, size = config.width, config.frames_per_token * HANDS
+        ours = config.form == "ours"
+        self.enter = nn.Linear(size, width)
+        self.level = mlp(width, width, width) if ours else None
+        self.blocks = nn.ModuleList(
+            PaperBlock(width, config.heads, config.head_width) for _ in range(config.depth)
+        )
+        leave = nn.Linear(width, size)
+        self.leave = zeroed(leave) if ours else leave
+
+    def forward(
+        self,
+        body: Float[Tensor, "B T 270"],
+        text: Float[Tensor, "B T 270"],
+        level: Float[Tensor, " B"],
+    ) -> Float[Tensor, "B T 270"]:
+        """The blended hands; `level` is the index of the noise level of both predictions."""
+        of_body, of_text = self._tokens(body), self._tokens(text)
+        found = of_body
+        if self.level is not None:
+            found = found + self.level(sinusoid(level, found.shape[-1]))[:, None]
+        for index, block in enumerate(self.blocks):
+            found = block(found, of_body if index % 2 else of_text)
+        left = self.leave(found).unflatten(-1, (-1, HANDS)).flatten(1, 2)[:, : body.shape[1]]
+        return left + self.mean(body, text) if self.config.form == "ours" else left
+
+    def mean(
+        self, body: Float[Tensor, "B T 270"], text: Float[Tensor, "B T 270"]
+    ) -> Float[Tensor, "B T 270"]:
+        """The weighted mean of both, w_B X_B + w_T X_T, which is the target of the paper's loss."""
+        return self.config.body_weight * body + self.config.text_weight * text
+
+    def _tokens(self, hands: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S D"]:
+        tokens = self.enter(in_steps(hands, self.config.frames_per_token).flatten(-2))
+        place = torch.arange(tokens.shape[1], device=tokens.device).to(tokens)
+        return tokens + sinusoid(place, tokens.shape[-1])
