@@ -2,7 +2,7 @@
 
 import torch
 
-from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.sampling import smoothed_clips
 
 
 def clip(*values):

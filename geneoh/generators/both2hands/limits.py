@@ -14,7 +14,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
-from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.sampling import smoothed_clips
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 

@@ -25,8 +25,7 @@ from geneoh.generators.both2hands.library import Both2HandsNetworks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.networks import EncodedBody, HandsDenoiser
 from geneoh.generators.both2hands.windows import FRAMES, ClipWindows
-from geneoh.generators.from_noise import Answer, Sampler, from_noise
-from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.sampling import Answer, Sampler, from_noise, smoothed_clips
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 

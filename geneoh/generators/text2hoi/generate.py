@@ -25,12 +25,7 @@ from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
-from geneoh.generators.text2hoi.physics.resting import (
-    eased_time,
-    finished,
-    kept_on_table,
-    retimed,
-)
+from geneoh.generators.text2hoi.physics.resting import eased_time, finished, kept_on_table, retimed
 from geneoh.generators.text2hoi.physics.settling import settled
 from geneoh.generators.text2hoi.physics.standing import StandingObject, stand_on_table
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling, sample_actions

@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
-from geneoh.generators.from_noise import Sampler, from_noise
-from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.sampling import Sampler, from_noise, smoothed_clips
 from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.networks.interaction import Condition, InteractionNetwork
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks

@@ -26,8 +26,7 @@ from geneoh.synthesis.motions.hand_motion import (
     grip_motion,
     hand_motions,
 )
-from geneoh.synthesis.motions.object_motion import Standing, held_part
-from geneoh.synthesis.motions.schedule import Schedule
+from geneoh.synthesis.motions.object_motion import Schedule, Standing, held_part
 from geneoh.synthesis.shapes.solids import Solids
 
 NEVER = 1000.0  # a time that lies outside of every action, frames

@@ -16,7 +16,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.synthesis.actions.action import VERBS
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 
 MOST_MOVES = 10  # most moves of an action
 WIDTHS = [1, 3, 3, 1, 1]  # number of values of each field of `Move`

@@ -16,7 +16,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotation
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import SHAPES, Gesture, HandPose
 from geneoh.synthesis.gestures.variation import GestureTiming, HandSettings, Variation
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 
 OUTWARD = (-1.0, 1.0, 1.0)
 """Signs from (outward, upward, forward) of the right hand to the body's x (to its left), y, z."""

@@ -12,7 +12,7 @@ from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import Gesture
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 
 VARIANTS = 10
 """Number of variants of each gesture; they differ in place, direction, size, tempo and shape."""

@@ -15,8 +15,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.grasp_types import curled
 from geneoh.synthesis.grasping.grasps import Grasps, Grips
-from geneoh.synthesis.motions.object_motion import Standing
-from geneoh.synthesis.motions.schedule import Schedule, minimum_jerk
+from geneoh.synthesis.motions.object_motion import Schedule, Standing, minimum_jerk
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,12 @@ from geneoh.synthesis.motions.hand_motion import (
 )
 from geneoh.synthesis.motions.object_motion import (
     ObjectMotionConfig,
+    ScheduleConfig,
     carry,
+    draw_schedule,
     draw_standing,
     held_part,
 )
-from geneoh.synthesis.motions.schedule import ScheduleConfig, draw_schedule
 from geneoh.synthesis.shapes.solids import Solids
 
 

@@ -24,9 +24,7 @@ FAR_AWAY = 10.0  # coordinate of the centres of unused solids, metres, not near 
 
 
 def distance_to_box(
-    local: Float[Tensor, "N P 3"],
-    size: Float[Tensor, "N 1 3"],
-    rounding: Float[Tensor, "N 1"],
+    local: Float[Tensor, "N P 3"], size: Float[Tensor, "N 1 3"], rounding: Float[Tensor, "N 1"]
 ) -> Float[Tensor, "N P"]:
     """Signed distance of points in the frames of boxes with round edges, metres."""
     q = local.abs() - (size - rounding[..., None])
@@ -34,9 +32,7 @@ def distance_to_box(
 
 
 def distance_to_cylinder(
-    local: Float[Tensor, "N P 3"],
-    size: Float[Tensor, "N 1 3"],
-    rounding: Float[Tensor, "N 1"],
+    local: Float[Tensor, "N P 3"], size: Float[Tensor, "N 1 3"], rounding: Float[Tensor, "N 1"]
 ) -> Float[Tensor, "N P"]:
     """Signed distance of points in the frames of cylinders with round edges, metres."""
     c = torch.stack([local[..., :2].norm(dim=-1), local[..., 2].abs()], -1) - size[..., 1:]

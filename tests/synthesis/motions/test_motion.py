@@ -15,12 +15,13 @@ from geneoh.synthesis.grasping.grasps import Grasps, Grips
 from geneoh.synthesis.motions.motion import Interactions, animate
 from geneoh.synthesis.motions.object_motion import (
     ObjectMotionConfig,
+    Schedule,
+    ScheduleConfig,
     Standing,
     carried_path,
     draw_standing,
     held_part,
 )
-from geneoh.synthesis.motions.schedule import Schedule, ScheduleConfig
 from geneoh.synthesis.shapes.objects import draw_objects
 from geneoh.synthesis.shapes.solids import Solids
 

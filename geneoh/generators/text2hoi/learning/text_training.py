@@ -13,9 +13,8 @@ from torch.nn import functional
 from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict, check_limits
 from geneoh.generators.text import TextConfig, TextNetwork, marked, piece_numbers, words_of
-from geneoh.generators.text2hoi.sentences import text_data
-from geneoh.generators.text2hoi.sentences.captions import caption
-from geneoh.generators.text2hoi.sentences.text_data import Sentences, draw_sentences
+from geneoh.generators.text2hoi.sentences import captions
+from geneoh.generators.text2hoi.sentences.captions import Sentences, caption, draw_sentences
 from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
 from geneoh.seeds import seeded_generator
@@ -41,16 +40,16 @@ class TextTrainConfig(RunConfig):
     contrast: float = 0.5  # weight of the contrastive loss
     nouns: float = 0.5  # weight of the noun's cross-entropy
     withhold: bool = True
-    """Whether the synonyms of `text_data.WITHHELD` are withheld from training. The shipped weights
+    """Whether the synonyms of `captions.WITHHELD` are withheld from training. The shipped weights
     were trained with them; unseen synonyms were measured in a run without them."""
     text: TextConfig = field(
-        default_factory=lambda: TextConfig(**{n: len(of) for n, of in text_data.CLASSES.items()})
+        default_factory=lambda: TextConfig(**{n: len(of) for n, of in captions.CLASSES.items()})
     )
 
     def __post_init__(self) -> None:
         """Refuse values outside of their limits, and heads with too few classes."""
         super().__post_init__()
-        named = text_data.CLASSES.items()
+        named = captions.CLASSES.items()
         check_limits(self.text, {head: (len(each), self.text.LARGEST) for head, each in named})
 
 
@@ -88,7 +87,7 @@ class TextTask(SamplesTask):
     def tokenizer(self) -> Tokenizer:
         """The tokenizer, the same for every run of a seed."""
         generator = seeded_generator(self.config.seed, "text", "pieces")
-        return text_data.vocabulary(self.config.text.pieces, generator=generator)
+        return captions.vocabulary(self.config.text.pieces, generator=generator)
 
     def loss(self, model: TextNetwork, samples: Sentences, draws: Draws) -> Float[Tensor, ""]:
         """The loss of the network, which draws nothing."""
@@ -103,7 +102,7 @@ class TextTask(SamplesTask):
         """The pieces of this process's part of a batch, which is drawn as a whole."""
         config = self.config
         generator = seeded_generator(config.seed, self.name, *parts, 0)
-        words = text_data.SEEN_WORDS if config.withhold else text_data.WORDS
+        words = captions.SEEN_WORDS if config.withhold else captions.WORDS
         drawn = draw_sentences(
             self.tokenizer, config.batch, config.text.longest, words, generator=generator
         )
@@ -123,7 +122,7 @@ class TextTask(SamplesTask):
             "stage": self.name,
             "config": as_dict(self.config),
             "tokenizer": self.tokenizer.to_str(),
-            "classes": text_data.CLASSES,
+            "classes": captions.CLASSES,
         }
 
 
@@ -139,9 +138,9 @@ def accuracy(
     texts = []
     for verb, noun, hands in chosen:
         if kind == "unseen phrasings":
-            sentence = text_data.unseen_phrasing(verb, noun, hands, generator=generator)
+            sentence = captions.unseen_phrasing(verb, noun, hands, generator=generator)
         else:
-            words = text_data.UNSEEN if kind == "unseen synonyms" else text_data.SEEN_WORDS
+            words = captions.UNSEEN if kind == "unseen synonyms" else captions.SEEN_WORDS
             sentence = caption(verb, noun, hands, generator=generator, synonyms=words[verb])
         split = words_of(sentence)
         wrong = kind == "misspellings"

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from geneoh.bundle import spread
 from geneoh.choices import SIDES
 from geneoh.config import Limited
-from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.sampling import smoothed_clips
 from geneoh.generators.text2hoi.networks.losses import ERROR_UNIT, masked_mean
 from geneoh.generators.text2hoi.networks.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.networks.tokens import (

@@ -12,12 +12,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.generators.smoothing import smoothed_clips
+from geneoh.generators.sampling import smoothed_clips
 from geneoh.generators.text2hoi.physics.resting import touching_hands
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import Actions
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 
 END_SHARE = 6  # the end states of a joint are means over the first and the last sixth of a clip
 LEAST_OPENING = 0.25

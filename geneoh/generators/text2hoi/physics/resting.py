@@ -9,7 +9,7 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import TOUCHED, Actions
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 
 UPRIGHT_TURN = 0.5
 """Tilt from upright below which an object counts as standing, radians."""

@@ -32,7 +32,7 @@ from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
 from geneoh.synthesis.grasping.grasp_energy import GraspEnergy
 from geneoh.synthesis.grasping.grasps import GraspConfig, Grasps, settled_grasps
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 from geneoh.synthesis.shapes.objects import scanned_object
 from geneoh.synthesis.shapes.scans import MeshFolder, build_scans
 from geneoh.synthesis.shapes.solids import Solids

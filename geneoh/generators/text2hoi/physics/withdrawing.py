@@ -18,7 +18,7 @@ from geneoh.geometry.rotations import (
     matrix_to_axis_angle,
 )
 from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
-from geneoh.synthesis.motions.schedule import minimum_jerk
+from geneoh.synthesis.motions.object_motion import minimum_jerk
 from geneoh.synthesis.shapes.solids import Solids
 
 BACK, OUT = (0.06, 0.12), 12.0

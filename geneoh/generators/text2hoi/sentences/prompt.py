@@ -10,7 +10,7 @@ from geneoh.choices import HANDS, SIDES, HandsName, Side
 from geneoh.generators.sentences import check_english, nearest_word, refused
 from geneoh.generators.text import words_of
 from geneoh.generators.text2hoi.networks.library import shipped_model
-from geneoh.generators.text2hoi.sentences.captions import ADJECTIVES
+from geneoh.generators.text2hoi.sentences.captions import ADJECTIVES, WORDS
 from geneoh.generators.text2hoi.sentences.duration import (
     length_in_frames,
     stated_length,
@@ -21,7 +21,6 @@ from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, READ_AS, S
 from geneoh.generators.text2hoi.sentences.negation import no_hand_in, rules_out, without_ruled_out
 from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS, outcomes_as_verbs
 from geneoh.generators.text2hoi.sentences.passing import MY, asked_giver
-from geneoh.generators.text2hoi.sentences.text_data import WORDS
 from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
 from geneoh.synthesis.actions.action import VERBS

@@ -13,7 +13,7 @@ from geneoh.generators.text2hoi.learning.text_training import (
     text_loss,
 )
 from geneoh.generators.text2hoi.networks.library import TextModel, load_text_encoder
-from geneoh.generators.text2hoi.sentences.text_data import Sentences
+from geneoh.generators.text2hoi.sentences.captions import Sentences
 from geneoh.training.data import DataSource
 from geneoh.training.loop import train
 from geneoh.training.processes import Team

@@ -2,9 +2,8 @@ import pytest
 import torch
 from draws import seeded
 
-from geneoh.generators.text2hoi.sentences import text_data
-from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS
-from geneoh.generators.text2hoi.sentences.text_data import (
+from geneoh.generators.text2hoi.sentences import captions
+from geneoh.generators.text2hoi.sentences.captions import (
     HANDS_CLASSES,
     NOUN_CLASSES,
     VERB_CLASSES,
@@ -12,20 +11,21 @@ from geneoh.generators.text2hoi.sentences.text_data import (
     draw_sentences,
     vocabulary,
 )
+from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS
 from geneoh.language.vocabulary import VERB_WORDS
 from geneoh.synthesis.actions.action import VERBS
 
 
 def test_every_verb_of_the_engine_has_a_withheld_synonym_and_others_to_learn_from():
     for verb in VERBS:
-        assert len(text_data.UNSEEN[verb]) == 1
-        assert len(text_data.SEEN_WORDS[verb]) >= 5
+        assert len(captions.UNSEEN[verb]) == 1
+        assert len(captions.SEEN_WORDS[verb]) >= 5
     listed = {word for words in VERB_WORDS.values() for word in words}
-    assert listed >= text_data.WITHHELD
+    assert listed >= captions.WITHHELD
 
 
 def test_no_word_belongs_to_two_verbs():
-    words = [word for several in text_data.WORDS.values() for word in several]
+    words = [word for several in captions.WORDS.values() for word in several]
     assert sorted(words) == sorted(set(words))
 
 
@@ -49,7 +49,7 @@ def tokenizer():
 
 
 def test_drawn_sentences_hold_two_phrasings_of_each_meaning(tokenizer):
-    drawn = draw_sentences(tokenizer, 40, 30, text_data.SEEN_WORDS, generator=seeded(1))
+    drawn = draw_sentences(tokenizer, 40, 30, captions.SEEN_WORDS, generator=seeded(1))
     assert drawn.pieces.shape[:2] == (40, 2)
     assert drawn.pieces.shape[2] <= 30
     assert bool((drawn.pieces[:, :, 0] > 0).all())
@@ -57,7 +57,7 @@ def test_drawn_sentences_hold_two_phrasings_of_each_meaning(tokenizer):
     assert int(drawn.hands.max()) < len(HANDS_CLASSES)
     assert int(drawn.noun.max()) < len(NOUN_CLASSES)
     assert bool((drawn.pieces[:, 0] != drawn.pieces[:, 1]).any(-1).float().mean() > 0.7)
-    again = draw_sentences(tokenizer, 40, 30, text_data.SEEN_WORDS, generator=seeded(1))
+    again = draw_sentences(tokenizer, 40, 30, captions.SEEN_WORDS, generator=seeded(1))
     assert torch.equal(drawn.pieces, again.pieces)
 
 
