@@ -1,6 +1,7 @@
 """What a hand does over time in a gesture: its place, its rotation and its fingers."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -25,11 +26,23 @@ FLEXED = (0, 3, 6, 9)  # knuckles of index, middle, pinky and ring
 
 @dataclass(frozen=True)
 class HandMotion(Bundle):
-    """A right hand over T frames, relative to its shoulder: x to the body's left, y up, z ahead."""
+    """Hands relative to their shoulders, in the body's axes: x to the body's left, y up, z ahead.
 
-    place: Float[Tensor, "T 3"]  # of the wrist, metres, for the arm of the embedded skeleton
-    turn: Float[Tensor, "T 3 3"]  # rotation of the wrist relative to the chest
-    fingers: Float[Tensor, "T 15 3"]
+    One right hand over T frames, or both hands of B clips (B, T, 2), the left one first.
+    """
+
+    place: Float[Tensor, "*T 3"]  # of the wrist, metres, for the arm of the embedded skeleton
+    turn: Float[Tensor, "*T 3 3"]  # rotation of the wrist relative to the chest
+    fingers: Float[Tensor, "*T 15 3"]
+    active: Float[Tensor, "*T"]  # 0 at rest, 1 in the gesture
+    stroke: Float[Tensor, "*T"]  # 0 at the start of a stroke, 1 at its other end
+    swivel: Float[Tensor, "*T"]  # of the elbow, radians
+
+    @staticmethod
+    def stacked(parts: Sequence["HandMotion"], axis: int) -> "HandMotion":
+        """Several of the same shape along a new axis."""
+        names = vars(parts[0])
+        return HandMotion(*(torch.stack([getattr(p, n) for p in parts], axis) for n in names))
 
 
 def stroke(course: str, phase: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
@@ -50,9 +63,9 @@ def perform(
 ) -> HandMotion:
     """A right hand that moves from rest to the gesture, makes its strokes and returns."""
     frames = len(timing.phase)
-    course = stroke(gesture.course, timing.phase)
-    course = course * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
-    if gesture.course == "strike":
+    strokes = stroke(gesture.strokes.course, timing.phase)
+    course = strokes * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
+    if gesture.strokes.course == "strike":
         course = course.clamp(max=1.0)  # a blow ends at the surface that it hits
     first, last = (_place_of(each) for each in (gesture.start, gesture.end or gesture.start))
     place = first + variation.size * course[:, None] * (last - first) + variation.place
@@ -63,10 +76,14 @@ def perform(
     place = rest.place + active * (place - rest.place) + bulge
     turn = _turn_against_forearm(gesture, variation, timing.active, course, rest)
     fingers_active = _later(timing.active, -3)[:, None, None]  # fingers lead by three frames
+    swivel = gesture.swivel * timing.active
     return HandMotion(
         place,
-        _forearm(place, gesture.swivel * timing.active) @ turn,
+        _forearm(place, swivel) @ turn,
         rest.fingers + fingers_active * (fingers - rest.fingers),
+        timing.active,
+        strokes * timing.active,
+        swivel,
     )
 
 
@@ -168,7 +185,7 @@ def resting_hand(
     timing = GestureTiming(torch.zeros(frames), torch.ones(frames))
     fingers = finger_course(still, variation, timing, timing.phase, settings, draws)
     place = place + settings.sway * draws.smooth(frames, 3, 25.0)[0]
-    return HandMotion(place, turn.expand(frames, 3, 3), fingers)
+    return HandMotion(place, turn.expand(frames, 3, 3), fingers, *torch.zeros(3, frames))
 
 
 def _place_of(pose: HandPose) -> Float[Tensor, " 3"]:

@@ -22,10 +22,8 @@ from geneoh.synthesis.shards import find_shards
 
 Y_UP = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
 """Rotation from the world frame of actions (z up) to that of bodies (y up)."""
-IN_REACH = 0.02
-"""Limit of the distance between a wrist and its place in the action, metres."""
-MOST_BEND = 1.75
-"""Limit of the rotation of a wrist relative to its forearm, radians."""
+IN_REACH = 0.02  # limit of the distance between a wrist and its place in the action, metres
+MOST_BEND = 1.75  # limit of the rotation of a wrist relative to its forearm, radians
 FOREARM = {"left": (-1.0, 0.0, 0.0), "right": (1.0, 0.0, 0.0)}
 """Direction from the wrist to the forearm in a hand's own frame."""
 

@@ -86,16 +86,24 @@ class HandPose:
 
 
 @dataclass(frozen=True)
+class Strokes:
+    """The time course of a gesture's strokes."""
+
+    course: Course
+    """To the end and back as a sine ("swing"), in short blows ("strike"), or once, with a pause at
+    the end ("once"); "still" for a hand that stays."""
+    shortest: float = 2.0  # range of the duration of a stroke there and back, seconds
+    longest: float = 3.5
+
+
+@dataclass(frozen=True)
 class Gesture:
     """A gesture of one hand; `says` are English verb phrases for it, the plainest first."""
 
     says: tuple[str, ...]
     start: HandPose
     end: HandPose | None = None  # the other end of the stroke; None for a hand that stays
-    course: Course = "still"
-    """Time course of strokes: to the end and back as a sine ("swing"), in short blows ("strike"),
-    or once, with a pause at the end ("once")."""
-    period: tuple[float, float] = (2.0, 3.5)  # seconds of a stroke there and back
+    strokes: Strokes = Strokes("still")
     fingers: Fingering = "along"
     """Time course of the fingers: from the start's shape to the end's with the stroke ("along"),
     closing around an imagined object and opening again ("grasp"), letting go ("throw"), tapping

@@ -11,10 +11,8 @@ from geneoh.language.wording import chance, misspelt, one_of
 
 _PEOPLE = ("someone", "a person", "the person", "she", "he", "a man", "a woman", "the speaker")
 _BOTH = ("both hands", "the hands", "both hands together", "the two hands", "her hands")
-JOINED = 4
-"""Number of sentences about both hands per clip."""
-MISSPELT = 0.08
-"""Share of these, apart from the plain one, with a typing error."""
+JOINED = 4  # number of sentences about both hands per clip
+MISSPELT = 0.08  # share of these, apart from the plain one, with a typing error
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,8 @@ class GestureConfig(ShardConfig):
     command: ClassVar[str] = "geneoh synthesize --bodies"
 
     count: int = 16384
-    held_out: int = 2
-    """Number of the ten variants of each gesture that only validation shards show."""
-    held_out_bodies: int = 40
-    """Number of the 400 bodies that only validation shards show."""
+    held_out: int = 2  # number of the ten variants of each gesture that only validation shards show
+    held_out_bodies: int = 40  # number of the 400 bodies that only validation shards show
     handling: float = 0.25
     """Share of the clips with hands that hold an object, if actions are available."""
     body: BodyConfig = field(default_factory=BodyConfig)

@@ -16,8 +16,7 @@ from geneoh.synthesis.draws import Draws, smoothed_motion
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 FEET_SMOOTHING = 2.5  # standard deviation of the Gaussian over the pelvis positions, frames
-BODIES = 400
-"""Number of bodies of different proportions; `Gestures.body` is an index of one."""
+BODIES = 400  # number of bodies of different proportions; `Gestures.body` is an index of one
 
 
 @dataclass(frozen=True)

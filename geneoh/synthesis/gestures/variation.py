@@ -98,16 +98,16 @@ def draw_timing(
     gesture: Gesture, tempo: float, frames: int, settings: HandSettings, draws: Draws
 ) -> GestureTiming:
     """When the gesture begins, how fast its strokes are, and when it ends."""
-    time = torch.arange(frames) / FPS
+    time, strokes = torch.arange(frames) / FPS, gesture.strokes
     early, late = bool(draws.chance(settings.early)), bool(draws.chance(settings.late))
     begin, end, go, back = (
         draws.uniform(limits).item()
         for limits in (settings.begin, settings.end, settings.way, settings.way)
     )
-    period = tempo * draws.log_uniform(gesture.period).item()
-    if gesture.course == "once":
+    period = tempo * draws.log_uniform((strokes.shortest, strokes.longest)).item()
+    if strokes.course == "once":
         end = max(end, begin + go + period)
-    begin = -go - 2.0 * draws.share().item() if early and gesture.course != "once" else begin
+    begin = -go - 2.0 * draws.share().item() if early and strokes.course != "once" else begin
     active = minimum_jerk((time - begin) / go)
     if not late:
         active = active - minimum_jerk((time - end) / back)

@@ -8,12 +8,11 @@ from geneoh.body.motion import pose
 from geneoh.body.skeleton import FINGER_JOINTS, JOINT_NAMES, WRISTS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures import synthesis
-from geneoh.synthesis.gestures.both_hands import Role, Roles, draw_roles
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import stroke, taps
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.repertoire import SHAPES, GestureShares
-from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
+from geneoh.synthesis.gestures.synthesis import BodyConfig, Role, Roles, draw_roles, gesturing
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 from geneoh.synthesis.gestures.variation import HandSettings, Variation
 
