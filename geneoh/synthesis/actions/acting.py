@@ -1,6 +1,5 @@
 """From grasps to actions: one or two hands perform a verb with the object that they hold."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import torch
@@ -19,13 +18,7 @@ from geneoh.synthesis.grasping.bimanual import HandPairs
 from geneoh.synthesis.grasping.contact_pads import OtherHands
 from geneoh.synthesis.grasping.grasps import Grasps
 from geneoh.synthesis.motions.clearance import ClearanceConfig, MovingSolids, clear_ways
-from geneoh.synthesis.motions.hand_motion import (
-    HandMotionConfig,
-    HandPath,
-    draw_phases,
-    grip_motion,
-    hand_motions,
-)
+from geneoh.synthesis.motions.hand_motion import HandMotionConfig, HandPath, hand_ways
 from geneoh.synthesis.motions.object_motion import Schedule, Standing, held_part
 from geneoh.synthesis.shapes.solids import Solids
 
@@ -241,7 +234,8 @@ def hand_paths(
     Without a second hand the left one is meaningless.
     """
     first = grasps.take(setup.first, "B")
-    drawn = hand_ways(first, setup.standing, timing.schedule(0), config, draws)
+    stands = Standing(setup.standing, torch.ones_like(setup.paired))
+    drawn = hand_ways(first, stands, timing.schedule(0), config.hand, draws)
 
     def on_part(clips: Int[Tensor, " C"]) -> HandPath:
         """First hands, moved with the part that they hold."""
@@ -255,9 +249,9 @@ def hand_paths(
     pairs = setup.take(two, "N")
     other = grasps.take(pairs.second, "B")
     upright = mirror_rotations(pairs.standing @ pairs.image)
-    others = hand_ways(
-        other, upright, timing.take(two, "N").schedule(1), config, Draws(len(two), draws.generator)
-    )
+    stands = Standing(upright, torch.ones_like(pairs.paired))
+    later, own = timing.take(two, "N").schedule(1), Draws(len(two), draws.generator)
+    others = hand_ways(other, stands, later, config.hand, own)
 
     def mirrored(clips: Int[Tensor, " C"]) -> HandPath:
         """Second hands, which are drawn as right hands on the mirrored object, as left hands."""
@@ -267,19 +261,3 @@ def hand_paths(
         mirrored, moving.take(two, "B"), mirror_points(other.offsets), config.clearance
     )
     return right.replaced(two, left), right
-
-
-def hand_ways(
-    grasps: Grasps,
-    standing: Float[Tensor, "N 3 3"],
-    schedule: Schedule,
-    config: ActingConfig,
-    draws: Draws,
-) -> Callable[[Int[Tensor, " C"]], HandPath]:
-    """A function that draws random motions for hands by index: they approach, hold their grasp and
-    leave, in the frame of the part that they hold.
-    """
-    every = torch.ones(len(standing), dtype=torch.bool)
-    held = grip_motion(grasps, None, schedule, every, config.hand, draws)
-    phases = draw_phases(schedule, config.hand, draws)
-    return hand_motions(held, Standing(standing, every), phases, config.hand, draws.generator)

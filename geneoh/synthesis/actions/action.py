@@ -1,6 +1,6 @@
 """Actions: interactions of one or two hands, labelled with the verb that they perform."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -16,15 +16,11 @@ from geneoh.language.vocabulary import VERB_WORDS
 
 TOUCHED = 0.02
 """Distance from a keypoint within which a point of the object counts as touched, metres (paper)."""
-FPS = 30.0
-"""Frames a second of all actions."""
-DECIMETRES = 10.0
-"""Decimetres per metre."""
-LONGEST = 150
-"""Most frames of an action (paper: 5 s)."""
+FPS = 30.0  # frames a second of all actions
+DECIMETRES = 10.0  # decimetres per metre
+LONGEST = 150  # most frames of an action (paper: 5 s)
 
-VERBS = tuple(VERB_WORDS)
-"""What hands do to objects; `Actions.verb` is an index into them."""
+VERBS = tuple(VERB_WORDS)  # what hands do to objects; `Actions.verb` is an index into them
 
 
 @dataclass(frozen=True)
@@ -39,8 +35,7 @@ class Actions(Bundle):
     """
 
     verb: Int[Tensor, " B"]
-    name: Int[Tensor, " B"]
-    """Index of the object in the families and scanned objects of the shard."""
+    name: Int[Tensor, " B"]  # index of the object in the families and scanned objects of the shard
     hands: Bool[Tensor, "B 2"]  # whether the left, and whether the right hand takes part
     length: Int[Tensor, " B"]
     pose: Float[Tensor, "B 2 T 16 3"]  # left, then right; each in its own side's MANO axes
@@ -128,5 +123,5 @@ class Actions(Bundle):
         def selected(own: Tensor, other: Tensor) -> Tensor:
             return torch.where(flip.view(-1, *[1] * (own.ndim - 1)), other, own)
 
-        names = [each.name for each in fields(self)]
-        return Actions(**{n: selected(getattr(self, n), getattr(image, n)) for n in names})
+        pairs = zip(vars(self).values(), vars(image).values(), strict=True)
+        return Actions(*(selected(own, other) for own, other in pairs))

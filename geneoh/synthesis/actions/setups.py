@@ -26,26 +26,13 @@ LYING = ("hammer", "pen", "screwdriver", "capsule")
 """Families that are long along z and lie on the table; the others stand with z up."""
 ANY_SIDE = ("box", "carton", "cylinder", "ellipsoid", "cluster", "ball")
 """Families that stand on any side."""
-UPWARD = torch.cat([torch.eye(3), -torch.eye(3)])
-"""Axes of an object's frame that may point up."""
-_QUARTER = math.pi / 2
-UPRIGHT = axis_angle_to_matrix(
-    torch.tensor(
-        [
-            [0.0, -_QUARTER, 0.0],
-            [_QUARTER, 0.0, 0.0],
-            [0.0, 0.0, 0.0],
-            [0.0, _QUARTER, 0.0],
-            [-_QUARTER, 0.0, 0.0],
-            [math.pi, 0.0, 0.0],
-        ]
-    )
-)
+UPWARD = torch.cat([torch.eye(3), -torch.eye(3)])  # axes of an object's frame that may point up
+_QUARTERS = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [-1, 0, 0], [2, 0, 0]])
+UPRIGHT = axis_angle_to_matrix(math.pi / 2 * _QUARTERS)
 """For each axis in `UPWARD` the rotation that turns it to +z."""
 IMAGES = axis_angle_to_matrix(math.pi * torch.tensor([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]]))
 """Rotations that, applied after a reflection at x = 0, make it one at x = 0, y = 0 or z = 0."""
-RARE = {"pour": 3.0}
-"""Sampling weight of verbs that few objects allow; all others have weight 1."""
+RARE = {"pour": 3.0}  # sampling weight of verbs that few objects allow; all others have weight 1
 
 
 @dataclass(frozen=True)

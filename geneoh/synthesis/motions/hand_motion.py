@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -130,9 +130,8 @@ class HandPath(Bundle):
 
     def replaced(self, index: Int[Tensor, " C"], other: "HandPath") -> "HandPath":
         """These hands, with `other` in place of those at `index`."""
-        own = (getattr(self, each.name) for each in fields(self))
-        new = (getattr(other, each.name) for each in fields(self))
-        return HandPath(*(a.index_copy(0, index, b) for a, b in zip(own, new, strict=True)))
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return HandPath(*(own.index_copy(0, index, new) for own, new in pairs))
 
     def mirrored(self) -> "HandPath":
         """The mirror images at x = 0, which are hands of the other side."""
@@ -144,7 +143,7 @@ def grip_motion(
     grasps: Grasps,
     grips: Grips | None,
     schedule: Schedule,
-    free: Bool[Tensor, " B"],
+    free: Bool[Tensor, " B"] | None,
     config: HandMotionConfig,
     draws: Draws,
 ) -> HandPath:
@@ -156,7 +155,7 @@ def grip_motion(
     still = torch.zeros_like(grasps.wrist)
     start = torch.cat([grasps.wrist, still, grasps.pose[:, 1:].flatten(1)], -1)
     path = start[:, None].expand(-1, schedule.frames, -1)
-    if grips is not None:
+    if grips is not None and free is not None:
         turned = matrix_to_axis_angle(first[:, None].mT @ axis_angle_to_matrix(grips.pose[:, :, 0]))
         ends = torch.cat([grips.wrist, turned, grips.pose[:, :, 1:].flatten(2)], -1)
         steps = torch.diff(ends, dim=1, prepend=start[:, None])
@@ -175,21 +174,29 @@ def grip_motion(
     return HandPath(wrist, turn, fingers.unflatten(-1, (15, 3)))
 
 
-def hand_motions(
-    held: HandPath,
+def hand_ways(
+    grasps: Grasps,
     standing: Standing,
-    phases: HandPhases,
+    schedule: Schedule,
     config: HandMotionConfig,
-    generator: torch.Generator,
+    draws: Draws,
+    *,
+    grips: Grips | None = None,
+    free: Bool[Tensor, " B"] | None = None,
 ) -> Callable[[Int[Tensor, " C"]], HandPath]:
-    """A function that draws random motions for clips by index, new ones in every call: hands
-    approach, move a little while they hold, and leave."""
+    """A function that draws random motions for hands by index, new ones in every call: they
+    approach, move a little while they hold, and leave, in the frame of the part that they hold.
+
+    Of the hands that are `free` some move through `grips` while they hold.
+    """
+    phases = draw_phases(schedule, config, draws)
+    held = grip_motion(grasps, grips, schedule, free, config, draws)
 
     def drawn(clips: Int[Tensor, " C"]) -> HandPath:
         some, when = held.take(clips, "B"), phases.take(clips, "B")
-        draws = Draws(len(clips), generator)
-        wrist, turn = _wrist_motion(some, standing.take(clips, "B"), when, config, draws)
-        return HandPath(wrist, turn, _finger_motion(some, when, config, draws))
+        own = Draws(len(clips), draws.generator)
+        wrist, turn = _wrist_motion(some, standing.take(clips, "B"), when, config, own)
+        return HandPath(wrist, turn, _finger_motion(some, when, config, own))
 
     return drawn
 

@@ -15,13 +15,7 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.bimanual import HandPairs
 from geneoh.synthesis.grasping.grasps import Grasps, Grips
 from geneoh.synthesis.motions.clearance import ClearanceConfig, MovingSolids, clear_ways
-from geneoh.synthesis.motions.hand_motion import (
-    HandMotionConfig,
-    HandPath,
-    draw_phases,
-    grip_motion,
-    hand_motions,
-)
+from geneoh.synthesis.motions.hand_motion import HandMotionConfig, HandPath, hand_ways
 from geneoh.synthesis.motions.object_motion import (
     ObjectMotionConfig,
     ScheduleConfig,
@@ -82,10 +76,8 @@ def animate(
     held = held_part(solids, joints, config.object)
     schedule = draw_schedule(frames, pairs, config.schedule, draws)
     rotation, translation = carry(solids, held, standing, schedule, pairs, config.object, draws)
-    phases = draw_phases(schedule, config.hand, draws)
-    held_in = grip_motion(grasps, grips, schedule, ~pairs.shared, config.hand, draws)
-
-    in_object = hand_motions(held_in, standing, phases, config.hand, generator)
+    free = ~pairs.shared
+    in_object = hand_ways(grasps, standing, schedule, config.hand, draws, grips=grips, free=free)
 
     def drawn(clips: Int[Tensor, " C"]) -> HandPath:
         """Motions of the hands of some clips in the world frame."""
