@@ -7,7 +7,7 @@ import pytest
 import quick_presets
 
 from geneoh.generators.text2hoi import generate
-from geneoh.generators.text2hoi.physics import held_hands, part_grips, settling
+from geneoh.generators.text2hoi.physics import held_hands, settling
 from geneoh.generators.text2hoi.sampling import Text2HoiSampling
 
 STEPS = 2
@@ -16,8 +16,7 @@ STEPS = 2
 def use(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have every clip drawn once, and its hands hold and cleaned, in two steps each."""
     monkeypatch.setattr(generate, "Text2HoiSampling", drawn_once)
-    for module in (held_hands, part_grips):
-        monkeypatch.setattr(module, "GRASPS", replace(held_hands.GRASPS, steps=STEPS))
+    monkeypatch.setattr(held_hands, "GRASPS", replace(held_hands.GRASPS, steps=STEPS))
     monkeypatch.setattr(settling, "SETTLING", replace(settling.SETTLING, steps=STEPS))
     quick_presets.use(monkeypatch)
 

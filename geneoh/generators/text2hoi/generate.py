@@ -21,7 +21,6 @@ from geneoh.generators.text2hoi.networks.library import (
     load_refiner,
     load_text2hoi,
 )
-from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.generators.text2hoi.networks.refiner import refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
 from geneoh.generators.text2hoi.physics.opening import rigid_part
@@ -201,7 +200,7 @@ def _sampled(
     usual = _lengths_of(networks, prompt, options)
     frames = options.frames or prompt.frames or usual[0]
     learned = min(max(frames, min(usual)), max(usual))
-    objects = objects_of(stood) if jointed is None else jointed.objects
+    objects = stood.objects if jointed is None else jointed.objects
     actions, contact = sample_actions(
         networks,
         objects.to(options.device),
@@ -237,19 +236,6 @@ def _lengths_of(networks: Text2HoiNetworks, prompt: Prompt, options: GenerateOpt
     text = networks.text.encode([prompt.network_text])
     generator = seeded_generator(options.seed, "length")
     return [int(networks.length.sample(text, generator=generator)) for _ in range(LENGTHS)]
-
-
-def objects_of(stood: StandingObject) -> Objects:
-    """A batch of one rigid object, as input of the networks."""
-    none = torch.zeros(1, 3)
-    return Objects(
-        points=stood.points[None],
-        normals=stood.normals[None],
-        part=torch.zeros(1, len(stood.points), dtype=torch.long),
-        axis=none,
-        pivot=none,
-        slides=torch.zeros(1, dtype=torch.bool),
-    )
 
 
 def placed_sequence(

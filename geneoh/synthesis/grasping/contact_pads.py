@@ -60,6 +60,14 @@ class Table(Bundle):
         return radii - torch.linalg.vecdot(centers, self.up[:, None]) - self.height[:, None]
 
 
+@dataclass(frozen=True)
+class Obstacles(Bundle):
+    """What B hands stay out of beside the object they hold: a table, and perhaps other hands."""
+
+    table: Table
+    other: OtherHands | None = None
+
+
 def contact_pads(
     joints: Float[Tensor, "*B 21 3"],
     turns: Float[Tensor, "*B 16 3 3"],

@@ -19,13 +19,19 @@ from geneoh.geometry.forces import friction_cones, wrench_left
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.hand.spheres import finger_clearance, hand_and_wrist_spheres, hand_scale, hand_spheres
-from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, OtherHands, Table, contact_pads
+from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, Obstacles, contact_pads
 from geneoh.synthesis.grasping.grasp_types import FINGER_STD, GRASP_TYPES, beyond_range, of_type
 from geneoh.synthesis.shapes.solids import Solids
 
 SOFT = 0.004
 """Penetration of the table that costs nothing, metres: fingers that reach under an object are
 soft."""
+FRICTION = 1.0  # coefficient of friction of skin, which is moist and soft
+PATCH = 0.01  # torque about the normal per newton of a pad's pressure, metres: pads are soft
+PUSHES = torch.tensor(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3)
+"""Directions in which the object is pushed to test a grip."""
+LEVER = 0.02  # distance of a push from the middle of the pads, metres
+LENGTH = 0.03  # torques are divided by this length to count as forces, metres
 
 
 @dataclass(frozen=True)
@@ -54,8 +60,7 @@ class GraspAttempt(Bundle):
     offsets: Float[Tensor, "B 20 3"]
     liked: Float[Tensor, "B 15 3"]  # finger pose that is drawn for the attempt, as a soft target
     wanted: Bool[Tensor, "B 19"]  # pads that should touch
-    table: Table | None = None
-    other: OtherHands | None = None
+    beside: Obstacles | None = None
 
     @cached_property
     def scale(self) -> Float[Tensor, "B 1"]:
@@ -68,9 +73,11 @@ class GraspAttempt(Bundle):
         """Penetration depth of the spheres of hands and wrists in the table and in other hands, as
         far as they exist, metres; negative outside.
         """
+        if self.beside is None:
+            return []
         centers, radii = hand_and_wrist_spheres(joints, turns, self.scale)
-        depths = [] if self.table is None else [self.table.depth(centers, radii) - SOFT]
-        return depths if self.other is None else [*depths, self.other.depth(centers, radii)]
+        table, other = self.beside.table.depth(centers, radii) - SOFT, self.beside.other
+        return [table] if other is None else [table, other.depth(centers, radii)]
 
 
 @dataclass(frozen=True)
@@ -136,14 +143,6 @@ def _unopposed(
     # each pad should face along the surface normal at the other pad
     agree = facing @ normal.mT + normal @ facing.mT
     return (opposed - agree).clamp(min=0).mul(pairs).sum((1, 2)) / pairs.sum((1, 2)).clamp(min=1)
-
-
-FRICTION = 1.0  # coefficient of friction of skin, which is moist and soft
-PATCH = 0.01  # torque about the normal per newton of a pad's pressure, metres: pads are soft
-PUSHES = torch.tensor(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3)
-"""Directions in which the object is pushed to test a grip."""
-LEVER = 0.02  # distance of a push from the middle of the pads, metres
-LENGTH = 0.03  # torques are divided by this length to count as forces, metres
 
 
 @dataclass(frozen=True)

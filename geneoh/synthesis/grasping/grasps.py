@@ -18,7 +18,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.hand.spheres import hand_scale, hand_spheres
 from geneoh.nn.adam import adam
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, OtherHands, Table, contact_pads
+from geneoh.synthesis.grasping.contact_pads import PAD_DIGITS, Obstacles, contact_pads
 from geneoh.synthesis.grasping.grasp_energy import (
     GraspAttempt,
     GraspChecks,
@@ -196,17 +196,16 @@ def synthesize_grasps(
     *,
     generator: torch.Generator,
     toward: Float[Tensor, "B 3"] | None = None,
-    table: Table | None = None,
-    other: OtherHands | None = None,
+    beside: Obstacles | None = None,
 ) -> Grasps:
     """One grasp attempt per pair of an object and a hand; `kept` marks those that pass the checks.
 
     The wrist starts on the side of the object that `toward` points to, or on any side where that is
-    zero. Hands stay above `table` and out of `other` hands.
+    zero. Hands stay out of what is `beside` the object.
     """
     config, draws = config or GraspConfig(), Draws(len(offsets), generator)
     attempt, fingers = random_attempts(offsets, config, draws)
-    attempt = replace(attempt, table=table, other=other)
+    attempt = replace(attempt, beside=beside)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
     start = _starts(solids, attempt, fingers, toward, config, draws)
     hands = _descend(solids, attempt, start, config)
@@ -244,13 +243,7 @@ def shifted_grips(
 
 
 def settled_grasps(
-    solids: Solids,
-    grasps: Grasps,
-    config: GraspConfig,
-    *,
-    reach: float,
-    table: Table,
-    other: OtherHands | None,
+    solids: Solids, grasps: Grasps, config: GraspConfig, *, reach: float, beside: Obstacles
 ) -> Grasps:
     """Passed grasps after a descent that removes penetration and brings near pads into contact.
 
@@ -262,7 +255,7 @@ def settled_grasps(
     gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])
     wanted = gap < (gap.amin(1, keepdim=True) + reach / 2).clamp(min=reach)
     fingers = grasps.pose[:, 1:]
-    attempt = GraspAttempt(grasps.types, grasps.offsets, fingers, wanted, table, other)
+    attempt = GraspAttempt(grasps.types, grasps.offsets, fingers, wanted, beside)
     hands = _descend(solids, attempt, Hands(grasps.wrist, grasps.pose[:, 0], fingers), config)
     centers, radii = hand_spheres(hands.posed(attempt)[0], scale)
     depth = (radii - solids.signed_distance(centers)).amax(1)

@@ -17,7 +17,7 @@ from geneoh.hand.library import mean_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.hand.spheres import hand_and_wrist_spheres, hand_scale
 from geneoh.synthesis.actions.action import Actions
-from geneoh.synthesis.grasping.contact_pads import OtherHands, Table, contact_pads
+from geneoh.synthesis.grasping.contact_pads import Obstacles, OtherHands, Table, contact_pads
 from geneoh.synthesis.grasping.grasp_energy import unheld
 from geneoh.synthesis.grasping.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
@@ -30,8 +30,7 @@ SIDES_TRIED, SIDE_SPREAD = 3, 0.6
 """Searches for the grasp of a hand that carries the object with another one, and the spread of
 their directions relative to the side away from the other hand."""
 PAD_TOUCH = 0.003  # distance from the surface below which a pad touches, metres
-FIRM = 0.5
-"""Largest share of a push from the worst side that a firm hold leaves unheld (`unheld`)."""
+FIRM = 0.5  # largest share of a push from the worst side that a firm hold leaves unheld (`unheld`)
 GRASPS = GraspConfig(grips=0)
 
 
@@ -137,25 +136,27 @@ class Holding:
 def new_hold(
     solids: Solids,
     drawn: HeldHands,
-    before: OtherHands | None,
-    table: Table,
+    beside: Obstacles,
     generator: torch.Generator,
     *,
     alone: bool = True,
 ) -> HeldHands | None:
     """The firm grasp that is closest to a sampled hand, synthesised as for the training data.
 
-    The search starts on the sampled hand's side of the object and avoids the table and the hand
-    `before`. A hand that carries the object with another one, and so not `alone`, also takes a
+    The search starts on the sampled hand's side of the object and avoids the table and the other
+    hand. A hand that carries the object with another one, and so not `alone`, also takes a
     grasp that is not firm by itself, and one on the side away from the other hand. None if no grasp
     passes the checks of the training data.
     """
+    copies = torch.zeros(GRASPS_TRIED, dtype=torch.long)
+    objects, beside_each = solids.take(copies, "B"), beside.take(copies, "B")
     side = torch.nn.functional.normalize(drawn.wrist, dim=-1)
     toward = side.expand(GRASPS_TRIED, -1)
-    if before is not None:
-        side = -torch.nn.functional.normalize(before.centers.mean(1), dim=-1)
+    if beside.other is not None:
+        side = -torch.nn.functional.normalize(beside.other.centers.mean(1), dim=-1)
     for _ in range(1 if alone else SIDES_TRIED):
-        found, kept, firm = _grasps(solids, toward, before, table, generator)
+        found, kept = new_grasps(solids, toward, beside_each, generator)
+        firm = kept & (Holding.of(objects, found).loose < FIRM)
         good = firm if alone or bool(firm.any()) else kept
         if bool(good.any()):
             away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
@@ -166,24 +167,16 @@ def new_hold(
     return None
 
 
-def _grasps(
-    solids: Solids,
-    toward: Float[Tensor, "N 3"],
-    before: OtherHands | None,
-    table: Table,
-    generator: torch.Generator,
-) -> tuple[HeldHands, Bool[Tensor, " N"], Bool[Tensor, " N"]]:
-    """New grasps from some directions, which of them pass the checks, and which are firm, too."""
-    copies = torch.zeros(len(toward), dtype=torch.long)
-    solids = solids.take(copies, "B")
+def new_grasps(
+    solids: Solids, toward: Float[Tensor, "N 3"], beside: Obstacles, generator: torch.Generator
+) -> tuple[HeldHands, Bool[Tensor, " N"]]:
+    """New grasps of one object from N directions, and which of them pass the checks."""
     grasps = synthesize_grasps(
-        solids,
+        solids.take(torch.zeros(len(toward), dtype=torch.long), "B"),
         mean_offsets().expand(len(toward), -1, -1),
         GRASPS,
         generator=generator,
         toward=toward,
-        table=table.take(copies, "B"),
-        other=None if before is None else before.take(copies, "B"),
+        beside=beside,
     )
-    found = HeldHands(grasps.pose, grasps.wrist)
-    return found, grasps.kept, grasps.kept & (Holding.of(solids, found).loose < FIRM)
+    return HeldHands(grasps.pose, grasps.wrist), grasps.kept

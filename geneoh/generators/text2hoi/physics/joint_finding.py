@@ -22,8 +22,7 @@ from geneoh.seeds import seeded_generator
 
 COMPARED_POINTS = 1500  # points of each surface at which parts are compared
 CONTACTS = 8000  # points of the second part among which those in contact are searched
-APART = 0.02
-"""Largest gap between the parts of an object, metres."""
+APART = 0.02  # largest gap between the parts of an object, metres
 CONTACT_MARGIN = 0.003  # margin over the least gap within which points are in contact, metres
 INSIDE = 0.2  # share of a part's surface inside the other one above which they overlap
 DEEPER = 0.0008

@@ -1,6 +1,6 @@
 """Objects of two parts that a sentence opens or closes, from their meshes to the clip."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
@@ -64,14 +64,9 @@ class JointedObject:
     @property
     def objects(self) -> Objects:
         """A batch of this object alone, as input of the networks."""
-        return Objects(
-            points=self.stood.points[None],
-            normals=self.stood.normals[None],
-            part=self.part[None],
-            axis=self.joint.axis[None],
-            pivot=self.joint.pivot[None],
-            slides=torch.tensor([self.joint.slides]),
-        )
+        axis, pivot = self.joint.axis[None], self.joint.pivot[None]
+        slides, part = torch.tensor([self.joint.slides]), self.part[None]
+        return replace(self.stood.objects, part=part, axis=axis, pivot=pivot, slides=slides)
 
     def guided(self, drawn: Actions) -> Actions:
         """Sampled actions with a joint that opens or closes within its range; see `guided`."""

@@ -12,12 +12,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import concatenated
-from geneoh.generators.text2hoi.physics.held_hands import GRASPS, PAD_TOUCH, HeldHands, mean_offsets
+from geneoh.generators.text2hoi.physics.held_hands import PAD_TOUCH, HeldHands, new_grasps
 from geneoh.geometry.forces import friction_cones, wrench_left
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.grasping.contact_pads import Obstacles, OtherHands, Table
 from geneoh.synthesis.grasping.grasp_energy import FRICTION
-from geneoh.synthesis.grasping.grasps import synthesize_grasps
 from geneoh.synthesis.shapes.solids import Solids
 
 HOLDS_TRIED = 24  # new holds that are synthesised
@@ -108,19 +107,12 @@ def best_hold(
     """The hold `held` if its cost is below `GOOD`; else the cheapest of it and new ones."""
     if float(task.costs(held, drawn)) < GOOD:
         return held
-    copies = torch.zeros(HOLDS_TRIED, dtype=torch.long)
     side = torch.nn.functional.normalize(drawn.wrist[0], dim=-1)
     toward = torch.stack([side, task.out]).repeat(HOLDS_TRIED // 2, 1)
-    lowest = task.tables.take([0, -1], "B")
-    grasps = synthesize_grasps(
-        task.around.take(copies, "B"),
-        mean_offsets().expand(HOLDS_TRIED, -1, -1),
-        GRASPS,
-        generator=generator,
-        toward=toward,
-        table=lowest.take(torch.arange(HOLDS_TRIED) % 2, "B"),
-        other=None if task.other is None else task.other.take(copies, "B"),
-    )
-    found = concatenated([held, HeldHands(grasps.pose, grasps.wrist)], "N")
+    number = torch.arange(HOLDS_TRIED)
+    tables = task.tables.take([0, -1], "B").take(number % 2, "B")
+    other = None if task.other is None else task.other.take(torch.zeros_like(number), "B")
+    new, _ = new_grasps(task.around, toward, Obstacles(tables, other), generator)
+    found = concatenated([held, new], "N")
     costs = task.costs(found, drawn)
     return found.take(costs.argmin()[None], "N")

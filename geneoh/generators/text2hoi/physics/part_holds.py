@@ -28,7 +28,7 @@ from geneoh.geometry.mesh import Mesh, tidied
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.actions.action import Actions
-from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.grasping.contact_pads import Obstacles, OtherHands, Table
 from geneoh.synthesis.shapes.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Scans, build_scans
 from geneoh.synthesis.shapes.solids import SCAN, Solids
 
@@ -168,7 +168,7 @@ def _with_hold(
     other = None if before is None else HeldHands.of(seen, before, middle).mirrored_spheres
     task = PartTask(around, table.take(hold, "B"), out, way, other and at_once(other, some))
     held = _hold(task, hand.take(first, "N"), generator)
-    hand = over_table(kept_pose(ways, hand, held, hold, hold, table, other), table, hold)
+    hand = over_table(kept_pose(ways, hand, held, hold, hold, Obstacles(table, other)), table, hold)
     kept = hand.into(seen, number, middle)
     return replace(actions, pose=kept.pose, wrist=kept.wrist)
 
@@ -195,8 +195,8 @@ def _hold(task: PartTask, drawn: HeldHands, generator: torch.Generator) -> HeldH
     ends, frames = task.tables.take([0, -1], "B"), torch.arange(len(drawn.wrist))
     middle = drawn.take(frames[len(frames) // 2].expand(2), "N")
     lower = ends.depth(*middle.spheres).amax(1).argmax()
-    around, table = task.around, ends.take(lower[None], "B")
-    held, frame, _ = settled_pose(around, drawn, frames, task.other, table, around.take([0], "S"))
+    around, beside = task.around, Obstacles(ends.take(lower[None], "B"), task.other)
+    held, frame, _ = settled_pose(around, drawn, frames, beside, around.take([0], "S"))
     return best_hold(task, held, drawn.take(frame[None], "N"), generator)
 
 

@@ -11,12 +11,10 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 from geneoh.synthesis.motions.object_motion import minimum_jerk
 
-UPRIGHT_TURN = 0.5
-"""Tilt from upright below which an object counts as standing, radians."""
+UPRIGHT_TURN = 0.5  # tilt from upright below which an object counts as standing, radians
 EASE = 12  # frames at either end of a clip over which its time is slowed
 FLAT_VERBS = ("slide", "rotate", "press")  # what is done to an object that stays on the table
-ON_TABLE = 0.04
-"""Height over the table below which an object counts as standing on it, metres."""
+ON_TABLE = 0.04  # height over the table below which an object counts as standing on it, metres
 
 
 def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:

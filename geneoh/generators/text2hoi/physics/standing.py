@@ -8,19 +8,17 @@ from torch import Tensor
 
 from geneoh.choices import Axis
 from geneoh.errors import InputError
+from geneoh.generators.text2hoi.networks.objects import Objects
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import turn_up
 from geneoh.geometry.sampling import sample_surface
 from geneoh.synthesis.actions.action import Actions
 
-POINTS = 1024
-"""Points of an object (paper)."""
-LARGEST_SIDE = 2.0
-"""Largest side of an object that hands move, metres."""
+POINTS = 1024  # points of an object (paper)
+LARGEST_SIDE = 2.0  # largest side of an object that hands move, metres
 THICKEST = 0.2
 """Largest thickness (smallest side), metres: no thicker object was learned; hands end up inside."""
-SMALLEST = 0.004
-"""Least value of an object's largest side, metres."""
+SMALLEST = 0.004  # least value of an object's largest side, metres
 NEAREST = 3  # closest points from which a vertex's contact is interpolated
 
 
@@ -33,6 +31,19 @@ class StandingObject:
     shift: Float[Tensor, " 3"]
     points: Float[Tensor, "P 3"]  # of the surface, upright
     normals: Float[Tensor, "P 3"]  # outward
+
+    @property
+    def objects(self) -> Objects:
+        """A batch of this object alone, rigid, as input of the networks."""
+        none = torch.zeros(1, 3)
+        return Objects(
+            points=self.points[None],
+            normals=self.normals[None],
+            part=torch.zeros(1, len(self.points), dtype=torch.long),
+            axis=none,
+            pivot=none,
+            slides=torch.zeros(1, dtype=torch.bool),
+        )
 
     def poses(self, actions: Actions) -> tuple[Float[Tensor, "T 3 3"], Float[Tensor, "T 3"]]:
         """The poses of the mesh itself in the first of some actions, mesh to world."""

@@ -13,7 +13,7 @@ from geneoh.generators.text2hoi.physics.held_hands import FIRM, HeldHands, Holdi
 from geneoh.generators.text2hoi.physics.settling import settled, solid_of
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.geometry.mesh_files import from_trimesh
-from geneoh.synthesis.grasping.contact_pads import Table
+from geneoh.synthesis.grasping.contact_pads import Obstacles, Table
 from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 RADIUS = 0.035
@@ -45,7 +45,7 @@ def stuck():
 
 @pytest.fixture(scope="module")
 def found(solids, stuck):
-    return new_hold(solids, stuck, None, TABLE, seeded())
+    return new_hold(solids, stuck, Obstacles(TABLE), seeded())
 
 
 def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(solids, stuck, found):
@@ -65,7 +65,7 @@ def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
     left = found.mirrored_spheres
     other = replace(left, centers=left.centers + torch.tensor([0.03, 0.0, 0.0]))
     assert other.depth(*found.spheres).max() > 0.006
-    aside = new_hold(solids, stuck, other, TABLE, seeded())
+    aside = new_hold(solids, stuck, Obstacles(TABLE, other), seeded())
     assert aside is not None
     assert other.depth(*aside.spheres).max() < 0.006
 
@@ -73,7 +73,7 @@ def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
 def test_an_object_that_no_hand_can_hold_gets_no_new_hold(ball, stuck):
     mesh = from_trimesh(trimesh.creation.icosphere(3, 0.9))
     solids = solid_of(replace(ball, mesh=mesh))[0]
-    assert new_hold(solids, stuck, None, TABLE, seeded()) is None
+    assert new_hold(solids, stuck, Obstacles(TABLE), seeded()) is None
 
 
 def test_of_two_hands_one_may_hold_loosely_and_away_from_the_other(
@@ -81,16 +81,16 @@ def test_of_two_hands_one_may_hold_loosely_and_away_from_the_other(
 ):
     other, asked = found.mirrored_spheres, []
 
-    def loose(solids, toward, before, table, generator):
+    def loose(solids, toward, beside, generator):
         asked.append(toward.mean(0))
         each = found.take(torch.zeros(len(toward), dtype=torch.long), "N")
-        kept = torch.full((len(toward),), len(asked) > 1)
-        return each, kept, torch.zeros_like(kept)
+        return each, torch.full((len(toward),), len(asked) > 1)
 
-    monkeypatch.setattr(held_hands, "_grasps", loose)
-    assert new_hold(solids, stuck, other, TABLE, seeded()) is None
+    monkeypatch.setattr(held_hands, "new_grasps", loose)
+    monkeypatch.setattr(held_hands, "FIRM", -1.0)
+    assert new_hold(solids, stuck, Obstacles(TABLE, other), seeded()) is None
     asked.clear()
-    taken = new_hold(solids, stuck, other, TABLE, seeded(), alone=False)
+    taken = new_hold(solids, stuck, Obstacles(TABLE, other), seeded(), alone=False)
     assert torch.equal(taken.wrist, found.wrist)
     assert asked[1] @ other.centers[0].mean(0) < 0
 

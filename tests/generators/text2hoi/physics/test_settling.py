@@ -17,7 +17,7 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.spheres import hand_spheres
-from geneoh.synthesis.grasping.contact_pads import OtherHands
+from geneoh.synthesis.grasping.contact_pads import Obstacles, OtherHands
 from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 RADIUS, HEIGHT = 0.03, 0.16
@@ -159,8 +159,8 @@ def test_the_way_out_is_as_long_as_the_hand_is_deep_and_nothing_outside(rod, gri
     table = table_of(sunk(rod, 1), 1, middle)
     inside = HeldHands.of(sunk(rod, 1), 1, middle)
     far = replace(inside, wrist=inside.wrist + torch.tensor([0.0, 0.3, 0.0]))
-    assert not shifts_out(solids, far, table).any()
-    found = replace(inside, wrist=inside.wrist + shifts_out(solids, inside, table))
+    assert not shifts_out(solids, far, Obstacles(table)).any()
+    found = replace(inside, wrist=inside.wrist + shifts_out(solids, inside, Obstacles(table)))
     assert depth_in(solids, inside) > 0.01
     assert depth_in(solids, found) < 0.004
 

@@ -6,11 +6,10 @@ import trimesh
 from draws import seeded
 
 from geneoh.generators.text2hoi.physics.held_hands import HeldHands
-from geneoh.generators.text2hoi.physics.settling import solid_of
+from geneoh.generators.text2hoi.physics.settling import DEEP_ON_WAY, depths, solid_of, withdrawn
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
-from geneoh.generators.text2hoi.physics.withdrawing import DEEP_ON_WAY, depths, withdrawn
 from geneoh.geometry.mesh_files import from_trimesh
-from geneoh.synthesis.grasping.contact_pads import OtherHands, Table
+from geneoh.synthesis.grasping.contact_pads import Obstacles, OtherHands, Table
 from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 
 FRAMES, HOLD, BESIDE = 90, torch.arange(40, 50), 0.045
@@ -40,13 +39,13 @@ def beside(before: float, after: float) -> HeldHands:
 
 def deepest(hand: HeldHands, plate, other=None) -> float:
     """Depth of a hand in the plate or the other hand, most of all frames, metres."""
-    return float(depths(hand, torch.arange(FRAMES), plate, TABLE, other).amax())
+    return float(depths(hand, torch.arange(FRAMES), plate, Obstacles(TABLE, other)).amax())
 
 
 @pytest.mark.parametrize(("before", "after"), [(-0.2, 0.2), (0.2, -0.2), (-0.2, -0.2)])
 def test_a_hand_goes_around_a_wall_and_not_through_it(plate, before, after):
     drawn = beside(before, after)
-    found = withdrawn(drawn, HOLD, plate, TABLE, None)
+    found = withdrawn(drawn, HOLD, plate, Obstacles(TABLE))
     assert deepest(drawn, plate) > 2 * DEEP_ON_WAY
     assert deepest(found, plate) < DEEP_ON_WAY
     for frames in (HOLD, torch.tensor([0, FRAMES - 1])):
@@ -57,12 +56,12 @@ def test_a_hand_goes_around_a_wall_and_not_through_it(plate, before, after):
 
 def test_a_hand_whose_ways_are_free_keeps_them(plate):
     drawn = beside(0.2, 0.3)
-    assert withdrawn(drawn, HOLD, plate, TABLE, None) == drawn
+    assert withdrawn(drawn, HOLD, plate, Obstacles(TABLE)) == drawn
 
 
 def test_a_hand_that_starts_or_ends_in_its_hold_has_no_way(plate):
     drawn = beside(-0.2, -0.2)
-    assert withdrawn(drawn, torch.arange(FRAMES), plate, TABLE, None) == drawn
+    assert withdrawn(drawn, torch.arange(FRAMES), plate, Obstacles(TABLE)) == drawn
 
 
 def test_a_hand_goes_around_another_one(plate):
@@ -71,6 +70,6 @@ def test_a_hand_goes_around_another_one(plate):
         drawn, wrist=drawn.wrist[:1].expand_as(drawn.wrist) - torch.tensor([0, 0.22, 0.06])
     )
     other = OtherHands(*there.spheres)
-    found = withdrawn(drawn, HOLD, plate, TABLE, other)
+    found = withdrawn(drawn, HOLD, plate, Obstacles(TABLE, other))
     assert deepest(drawn, plate, other) > 2 * DEEP_ON_WAY
     assert deepest(found, plate, other) < DEEP_ON_WAY
