@@ -25,6 +25,9 @@ from geneoh.nn.blocks import NetworkConfig, check_heads, drawn
 
 _UNKNOWN = "?"
 _START = "_"  # in front of the first piece of every word
+PAD = 0  # index of the piece that pads short sentences
+KEPT = 4096
+"""Number of latest sentences whose vectors are cached: training draws new ones in every step."""
 
 
 def words_of(sentence: str) -> list[str]:
@@ -86,9 +89,6 @@ def piece_numbers(
     ]
     most = max(map(len, rows), default=0)
     return torch.tensor([row + [PAD] * (most - len(row)) for row in rows])
-
-
-PAD = 0  # index of the piece that pads short sentences
 
 
 @dataclass(frozen=True)
@@ -172,10 +172,6 @@ class TextNetwork(SentenceNetwork):
     def read(self, sentence: Float[Tensor, "B W"]) -> Reading:
         """Logits of the heads for vectors of sentences."""
         return Reading(self.verbs(sentence), self.hands(sentence), self.nouns(sentence))
-
-
-KEPT = 4096
-"""Number of latest sentences whose vectors are cached: training draws new ones in every step."""
 
 
 class TextEncoder:

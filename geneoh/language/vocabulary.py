@@ -4,15 +4,7 @@ import re
 
 VERB_WORDS: dict[str, tuple[str, ...]] = {
     "lift": (
-        "lift",
-        "pick up",
-        "raise",
-        "lift up",
-        "take up",
-        "hoist",
-        "elevate",
-        "grab",
-        "hold up",
+        *("lift", "pick up", "raise", "lift up", "take up", "hoist", "elevate", "grab", "hold up"),
     ),
     "put down": ("put down", "set down", "place", "lay down", "lower", "put back", "deposit"),
     "carry": ("carry", "move", "bring", "transport", "take", "convey", "relocate", "carry away"),

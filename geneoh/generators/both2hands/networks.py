@@ -29,6 +29,8 @@ from geneoh.generators.text import SentenceConfig, SentenceNetwork
 from geneoh.nn.blocks import FrameTransformer, NetworkConfig, in_steps, mlp, sinusoid, zeroed
 from geneoh.synthesis.gestures.clips import NAMES
 
+Form = Literal["ours", "paper"]
+
 
 class PaperBlock(nn.Module):
     """Attention of tokens to a memory, then a feed-forward layer, each followed by its norm."""
@@ -77,9 +79,6 @@ class PaperTransformer(nn.Module):
         for block in self.blocks:
             tokens = block(tokens, tokens)
         return tokens
-
-
-Form = Literal["ours", "paper"]
 
 
 @dataclass(frozen=True)

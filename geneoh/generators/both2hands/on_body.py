@@ -145,16 +145,17 @@ def generate_on_body(
             "geneoh.generate_on_body: 'held' must be an ObjectTrack or none, got "
             f"{type(held).__name__}; a Sequence has one in .object"
         )
-    body = body_of(body)
+    body, notes = body_of(body), list[str]()
     if words := ruled_out_words(sentence):
-        note = f"'{words}' may not be followed; say what the hands do instead"
-        body = replace(body, notes=(*body.notes, note))
+        notes.append(f"'{words}' may not be followed; say what the hands do instead")
     is_shipped = options.weights is None and options.text_encoder is None
     if is_shipped and (note := unknown_words(sentence)):
-        body = replace(body, notes=(*body.notes, note))
+        notes.append(note)
     if held is not None and held.is_seen and not held.meshes:
-        note = "the object has poses and no mesh, so that no hand is brought to it; --obj names one"
-        body = replace(body, notes=(*body.notes, note))
+        notes.append(
+            "the object has poses and no mesh, so that no hand is brought to it; --obj names one"
+        )
+    body = replace(body, notes=(*body.notes, *notes))
     paced = body_at_rate(body, FPS)
     made = generate_hands(
         grounded(paced.skeleton, paced.motion).to(device),

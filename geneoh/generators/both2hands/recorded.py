@@ -32,8 +32,7 @@ from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.data import TrainingData
 from geneoh.training.held_out import held_names
 
-SHORTEST_RECORDING = 30
-"""Frames of the shortest recording that is used."""
+SHORTEST_RECORDING = 30  # frames of the shortest recording that is used
 STILL_FINGERS = 1e-3
 """Largest change of rotation entries for which fingers count as not recorded, but left at rest."""
 

@@ -138,7 +138,9 @@ def sample_hands(
     """
     count, frames = motion.root.shape[:2]
     body, device = networks.body, motion.root.device
-    moved = placed(motion.map(_at_least_a_window, "T"), body.config.frame)
+    # a clip that is shorter than a window is padded with its last frame
+    padded = motion[torch.arange(max(frames, FRAMES), device=device).clamp(max=frames - 1)]
+    moved = placed(padded, body.config.frame)
     windows = ClipWindows.of(moved.root.shape[1])
     skeletons = Skeleton(skeleton.offsets.to(device).expand(count, -1, -1))
     scene = PlacedBodies.of(skeletons.map(windows.repeat), moved.map(windows.cut))
@@ -151,12 +153,6 @@ def sample_hands(
         features = smoothed_clips(features, config.smoothing)
     made = with_fingers(moved, pose(skeletons, moved), features, body.config.frame)
     return with_other_fingers(motion, made.rotations[:, :frames, BODY_JOINTS:])
-
-
-def _at_least_a_window(clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "B F *N"]:
-    """Clips padded with their last frame to at least the length of a window."""
-    missing = max(0, FRAMES - clips.shape[1])
-    return torch.cat([clips, clips[:, -1:].expand(-1, missing, *clips.shape[2:])], dim=1)
 
 
 def generate_hands(

@@ -38,6 +38,9 @@ from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import DrawnSamples, SamplesTask, first_weights
 
+MOST_FITTED = 256  # largest number of clips that the scale of features is fitted to
+CHUNK = 64  # clips whose features are computed at once
+
 
 @dataclass(frozen=True)
 class Both2HandsConfig(RunConfig):
@@ -67,10 +70,6 @@ class Both2HandsConfig(RunConfig):
     body_hands: HandsConfig = field(default_factory=HandsConfig)
     text_hands: TextHandsConfig = field(default_factory=TextHandsConfig)
     blend: BlendConfig = field(default_factory=BlendConfig)
-
-
-MOST_FITTED = 256  # largest number of clips that the scale of features is fitted to
-CHUNK = 64  # clips whose features are computed at once
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-FRAMES = 150
-"""Frames of a window at 30 frames a second: 5 s, as in the paper."""
+FRAMES = 150  # frames of a window at 30 frames a second: 5 s, as in the paper
 OVERLAP = 75
 """Frames that neighbouring windows share at least. With 30, hands of a long clip changed their
 gesture more often, and more overlap than this hardly helps."""

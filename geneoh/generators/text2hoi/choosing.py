@@ -22,10 +22,11 @@ COMPARED_AT = 0.1
 MISSED_SHARE, MISSED = 0.25, 0.005
 """How far an object may be, on average, from its sampled motion when it moves only while a hand
 touches it: a share of the sampled displacement, plus metres."""
-HANDS = 2.0
-"""Weight of a distance of hands relative to one of the object."""
+HANDS = 2.0  # weight of a distance of hands relative to one of the object
 DEPTH_EVERY = 5  # step between the frames in which penetration depths are measured
 DEEPEST = 0.1  # metres: no hand is deeper in an object that hands can hold
+HARDLY_MOVED = 0.01  # how far an object moves at most that is told to rest, metres
+IDLE = 0.5  # share of the object's moving frames in which each of two hands should touch it
 
 
 def best_draws(
@@ -113,12 +114,6 @@ def _object_places(actions: Actions) -> Float[Tensor, "B T 6 3"]:
 def _over_frames(values: Float[Tensor, "B T"], actions: Actions) -> Float[Tensor, " B"]:
     """Means over the frames of each clip."""
     return (values * actions.valid).sum(1) / actions.length
-
-
-HARDLY_MOVED = 0.01
-"""How far an object moves at most that is told to rest, metres."""
-IDLE = 0.5
-"""Share of the object's moving frames in which each of two hands should touch it."""
 
 
 def missing_notes(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ...]:

@@ -20,8 +20,7 @@ from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 from geneoh.synthesis.actions.action import Actions
 
-UNKNOWN = -1
-"""Index of the verb and of the object's name in generated actions."""
+UNKNOWN = -1  # index of the verb and of the object's name in generated actions
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from geneoh.generators.text2hoi.networks.objects import (
 from geneoh.nn.blocks import NetworkConfig
 from geneoh.synthesis.actions.action import LONGEST
 
+SHORTEST_ACTION = 2  # frames: one is no motion, and none would leave nothing to attend to
+
 
 @dataclass(frozen=True)
 class ContactConfig(NetworkConfig):
@@ -115,9 +117,6 @@ def contact_loss(
     overlap = (share * contact).sum(1) / (share.sum(1) + contact.sum(1) + 1.0)
     apart = 0.5 * (mean.square() + log_variance.exp() - 1 - log_variance).sum(-1)
     return entropy + (1 - 2 * overlap).mean() + divergence * apart.mean()
-
-
-SHORTEST_ACTION = 2  # frames: one is no motion, and none would leave nothing to attend to
 
 
 @dataclass(frozen=True)

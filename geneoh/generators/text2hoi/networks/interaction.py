@@ -214,17 +214,14 @@ class InteractionNetwork(nn.Module):
         """
         read = [layer(agent) for layer, agent in zip(self.inputs, own, strict=True)]
         tokens = torch.stack(read, dim=2) + action.time[:, :, None]
-        tokens = tokens + self._agents(tokens)
+        rows = torch.tensor(AGENT_ROWS).to(tokens)
+        own_agents = sinusoid(rows, tokens.shape[-1]) if self.agents is None else self.agents
+        tokens = tokens + own_agents
         steps = tokens.shape[1]
         tokens = torch.cat([action.tokens, tokens.flatten(1, 2)], dim=1)
         numbers = torch.arange(1, steps + 1, device=tokens.device)
         condition = numbers.new_zeros(action.tokens.shape[1])
         return tokens, torch.cat([condition, numbers.repeat_interleave(3)]).to(tokens)
-
-    def _agents(self, tokens: Tensor) -> Float[Tensor, "3 D"]:
-        if self.agents is not None:
-            return self.agents
-        return sinusoid(torch.tensor(AGENT_ROWS).to(tokens), tokens.shape[-1])
 
 
 def moments(steps: Bool[Tensor, "B S F"]) -> Float[Tensor, "B S 5"]:

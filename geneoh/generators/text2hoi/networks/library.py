@@ -33,11 +33,16 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
-ASKED = "Lift a mug with the right hand."
-"""The sentence whose vector identifies a text encoder."""
+ASKED = "Lift a mug with the right hand."  # the sentence whose vector identifies a text encoder
 SAME = 0.1
 """Largest relative distance of a sentence's vectors that count as made by one encoder: rounding
 differs by at most a hundredth between machines, and separately trained encoders are unrelated."""
+NETWORKS: dict[str, tuple[Any, Any]] = {
+    "contact": (ContactNetwork, ContactConfig),
+    "interaction": (InteractionNetwork, InteractionConfig),
+    "length": (LengthNetwork, LengthConfig),
+}
+"""Network class and configuration class of each stage that is conditioned on a sentence."""
 
 
 class TextModel:
@@ -96,14 +101,6 @@ def load_text_encoder(text_encoder: Path | None = None, folder: Path | None = No
     if (ours := text_encoder / "text.safetensors").is_file():
         return TextModel(ours).encoder()
     return foreign_encoder(text_encoder)
-
-
-NETWORKS: dict[str, tuple[Any, Any]] = {
-    "contact": (ContactNetwork, ContactConfig),
-    "interaction": (InteractionNetwork, InteractionConfig),
-    "length": (LengthNetwork, LengthConfig),
-}
-"""Network class and configuration class of each stage that is conditioned on a sentence."""
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from geneoh.synthesis.draws import Draws
 
 ERROR_UNIT = 0.1
 """Errors of keypoints and distances are in this unit, metres, so that they are of order one."""
-VELOCITY_UNIT = 0.02
-"""Errors of velocities are in this unit, metres from frame to frame."""
+VELOCITY_UNIT = 0.02  # errors of velocities are in this unit, metres from frame to frame
 VELOCITY_AT = 0.1  # metres from the object's origin at which its velocity is compared
 
 

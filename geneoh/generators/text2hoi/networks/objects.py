@@ -19,9 +19,9 @@ from geneoh.nn.blocks import NetworkConfig, zeroed
 from geneoh.representation.region import farthest_points
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 
-CHANNELS = 10
-"""Number of features of each point in `Objects.channels`."""
+CHANNELS = 10  # number of features of each point in `Objects.channels`
 CONTACT_EVERY = 6  # step between the frames in which contact is measured
+SUMMARY = 19  # number of features of `_summary`
 
 
 @dataclass(frozen=True)
@@ -96,10 +96,6 @@ def _near(actions: Actions) -> Bool[Tensor, "B P"]:
     points = some.posed_points()[0, frames] if bool(tokens.jointed) else some.points
     apart = torch.cdist(points, joints[hands, frames].view(len(points), -1, 3))
     return (apart.amin(-1).amin(0) < TOUCHED)[None]
-
-
-SUMMARY = 19
-"""Number of features of `_summary`."""
 
 
 @dataclass(frozen=True)

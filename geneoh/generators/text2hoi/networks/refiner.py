@@ -31,8 +31,7 @@ from geneoh.hand.library import load_hand
 from geneoh.nn.blocks import NetworkConfig, in_steps, sinusoid, zeroed
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 
-AGENT_ROWS = (0, 1666)
-"""Rows of the paper's sinusoid table that encode the left and the right hand."""
+AGENT_ROWS = (0, 1666)  # rows of the paper's sinusoid table that encode the left and the right hand
 JOINTS = 63  # coordinates of the keypoints of a hand
 LARGEST_OFFSET = 0.05  # entries of offsets to the object are clamped to it, metres
 RESIDUAL_FILTER = 2.0  # standard deviation of the Gaussian over the hands' residual, frames

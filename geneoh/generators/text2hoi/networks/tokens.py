@@ -20,10 +20,8 @@ from geneoh.hand.library import mean_skeletons
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions.action import Actions
 
-HAND, OBJECT = 99, 10
-"""Number of features of a hand and of the object in a frame."""
-NUMBERS = 2 * HAND + OBJECT
-"""Number of features of a frame: left hand, right hand, object."""
+HAND, OBJECT = 99, 10  # number of features of a hand and of the object in a frame
+NUMBERS = 2 * HAND + OBJECT  # number of features of a frame: left hand, right hand, object
 
 HandFrame = Literal["object", "world"]
 """Coordinate frame of the hands: that of the object's first part at the same time (ours), in which

@@ -19,8 +19,7 @@ from geneoh.readers.base import SourceClip, ancestor
 from geneoh.readers.foreign_files import numbered_files, read_numbers, read_record, read_text
 from geneoh.readers.sources.grab import contact_labels
 
-SHORTEST_CLIP = 20
-"""Frames, at 30 a second, of the shortest clip (the paper's code)."""
+SHORTEST_CLIP = 20  # frames, at 30 a second, of the shortest clip (the paper's code)
 
 _H2O_VERBS = {
     "grab": "book espresso lotion spray milk cocoa chips cappuccino",

@@ -34,20 +34,16 @@ def asked_giver(words: str) -> Side | None:
 
 def givers(actions: Actions) -> list[Side | None]:
     """The hand that touches the object earlier in each clip, or None for neither; see `leads`."""
-    return ["left" if lead > 0 else "right" if lead < 0 else None for lead in leads(actions)]
+    lead = leads(touching_hands(actions))
+    return ["left" if frames > 0 else "right" if frames < 0 else None for frames in lead]
 
 
-def leads(actions: Actions) -> Float[Tensor, " B"]:
+def leads(touching: Bool[Tensor, "B 2 T"]) -> Float[Tensor, " B"]:
     """Frames by which the left hand touches the object earlier than the right one does.
 
     The time of a hand is the mean over the frames in which it touches the object. The result is 0
     if a hand never does.
     """
-    return _leads(touching_hands(actions))
-
-
-def _leads(touching: Bool[Tensor, "B 2 T"]) -> Float[Tensor, " B"]:
-    """See `leads`."""
     touching = touching.double()
     frames = torch.arange(touching.shape[2], dtype=torch.float64)
     time = (touching * frames).sum(2) / touching.sum(2)
@@ -81,7 +77,7 @@ def passed_by(actions: Actions, giver: Sequence[Side | None], draws: int = 1) ->
     touching = touching_hands(actions.take(known, "B").to("cpu"))
     sign = torch.tensor([1.0 - 2 * SIDES.index(side) for _, side in asked])
     lead, whole = torch.zeros(len(giver), dtype=torch.float64), torch.ones(len(giver)) > 0
-    lead[known] = sign * _leads(touching)
+    lead[known] = sign * leads(touching)
     hands = zip(touching, asked, strict=True)
     whole[known] = torch.tensor(
         [handed_over(each, side) for each, (_, side) in hands], dtype=torch.bool

@@ -29,8 +29,7 @@ _VERB_WORDS = {verb: (*words, *READ_AS.get(verb, ())) for verb, words in WORDS.i
 """Words by which a sentence names the verbs that the text encoder knows."""
 EXAMPLE = '"pour from the kettle with the right hand"'
 
-JOINTED = ("open", "close")
-"""Verbs whose training data have objects of two parts."""
+JOINTED = ("open", "close")  # verbs whose training data have objects of two parts
 _SIDES = rf"{MY}(left|right)( hand)?"
 _BOTH = re.compile(
     rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"

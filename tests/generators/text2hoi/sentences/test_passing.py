@@ -48,7 +48,10 @@ def test_the_hand_that_touches_the_object_earlier_gives_it():
 
 def test_a_hand_leads_by_the_difference_of_the_mean_times_of_touch():
     # frames 0 to 9 and 10 to 19
-    assert leads(concatenated([passing(0), passing(1)], "B")).tolist() == [10.0, -10.0]
+    assert leads(touching_hands(concatenated([passing(0), passing(1)], "B"))).tolist() == [
+        10.0,
+        -10.0,
+    ]
 
 
 def test_no_hand_gives_what_both_hold_alike_or_one_never_touches():
