@@ -85,8 +85,7 @@ def synthetic_clips(folder: Path, hand: HandModel, *, augmented: bool = False) -
 @torch.no_grad()
 def shard_clips(path: Path, hand: HandModel, augmented: bool) -> HandClips:
     """The first clips of one shard."""
-    shard = replay_shard(path)
-    shard = shard.chosen(torch.arange(min(CLIPS_PER_SHARD, len(shard.clips.wrist))))
+    shard = replay_shard(path).take(slice(CLIPS_PER_SHARD), "B")
     if augmented:
         # The seed's name must not change, because published figures depend on it.
         generator = seeded_generator("lively", path.name)

@@ -88,7 +88,7 @@ def synthesize_actions(
             act(
                 grasps.take(which, "B"),
                 tried.solids.take(which, "B"),
-                [tried.families[i] for i in which.tolist()],
+                tried.families[which].tolist(),
                 numbers,
                 config.points,
                 config.acting,

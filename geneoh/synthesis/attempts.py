@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from torch import Tensor
 
-from geneoh.bundle import concatenated
+from geneoh.bundle import Bundle, concatenated
 from geneoh.geometry.openings import edges_of
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
@@ -22,19 +23,14 @@ from geneoh.synthesis.shapes.solids import Solids
 
 
 @dataclass(frozen=True)
-class Attempts:
+class Attempts(Bundle):
     """Pairs of a hand and an object for which a grasp is searched; none is rejected yet."""
 
-    families: list[str]
+    families: Shaped[np.ndarray, " B"]  # names of families or scanned objects
     solids: Solids
     hands: ShapedHand  # `offsets` have bone lengths that are unique to each hand
-    shared: Int[Tensor, " C"]  # the last C attempts are second hands: index of each one's first
-
-    def take(self, which: Int[Tensor, " N"]) -> "Attempts":
-        """Some of the attempts; which second hand belongs to which first is dropped."""
-        families = [self.families[i] for i in which.tolist()]
-        solids, hands = self.solids.take(which, "B"), self.hands.take(which, "B")
-        return Attempts(families, solids, hands, self.shared[:0])
+    shared: Int[Tensor, " C"]
+    """The last C of all attempts are second hands: index of each one's first."""
 
 
 def draw_attempts(
@@ -58,7 +54,9 @@ def draw_attempts(
     stretch = torch.cat([stretch, stretch[shared] * (1 + config.bimanual.bone_std * differ)])
     hands = load_hand("right").shaped(torch.cat([betas, betas[shared]]))
     named += [named[i] for i in shared.tolist()]
-    return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch), shared)
+    return Attempts(
+        np.array(named), solids, replace(hands, offsets=hands.offsets * stretch), shared
+    )
 
 
 def draw_names(

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.errors import InputError
 from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -30,7 +31,7 @@ class NoFirstGraspsError(InputError):
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(Bundle):
     """Clips of a shard, with the objects and hands that they were made from."""
 
     clips: Interactions
@@ -41,10 +42,6 @@ class Replay:
         """Keypoints in the world frame, metres."""
         turns = axis_angle_to_matrix(self.clips.pose)
         return forward_kinematics(turns, self.clips.wrist, self.clips.offsets[:, None])[0]
-
-    def chosen(self, which: Int[Tensor, " C"]) -> "Replay":
-        """Some of the clips."""
-        return Replay(self.clips.take(which, "B"), self.made_from.take(which))
 
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are closest to the object's surface.
@@ -110,4 +107,4 @@ def replay_shard(path: Path) -> Replay:
             f"none among {len(clips.offsets)}: another version of geneoh made it, or none of these "
             "grasps held; make the data again, with more clips in each shard if they are few"
         )
-    return Replay(clips.take(found, "B"), tried.take(who[found]))
+    return Replay(clips.take(found, "B"), tried.take(who[found], "B"))

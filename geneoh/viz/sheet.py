@@ -64,7 +64,7 @@ def one_of_each(folder: Path) -> list[Replay]:
             continue
         for clip, family in enumerate(shard.made_from.families):
             if family not in found:
-                found[family] = shard.chosen(torch.tensor([clip]))
+                found[family] = shard.take([clip], "B")
         if found.keys() >= FAMILIES.keys():
             break
     if missed is not None and not found:
