@@ -11,11 +11,13 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import MissingAssetError
-from geneoh.fitting.subject import subject_of
+from geneoh.fitting.subject import POSE_MISFIT, Subject, subject_of
+from geneoh.fitting.terms import HandState
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
 from geneoh.metrics.report import FrameMeasures, measure_frames
+from geneoh.sequence.gaps import blendable
 from geneoh.sequence.sequence import HandTrack
 
 NO_OBJECT = 10.0  # distance of all vertices where there is no object, metres
@@ -80,7 +82,7 @@ def pose_track(
     right, right_model = (track.mirrored(), model.mirrored()) if left else (track, model)
     with torch.no_grad():
         subject = subject_of(right, right_model)
-        state = subject.parameters()
+        state = posed_by_own_wrist(subject, right)
         posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
         verts, joints, pose, wrist = posed.verts[0], subject.joints, state.pose[0], state.wrist[0]
         if left:
@@ -89,3 +91,19 @@ def pose_track(
         parameters = (track.side, model, pose, wrist, subject.betas)
         measured = (verts, joints, track.valid, fps, distance_of, track.joint_spread)
         return PosedTrack(*parameters, *measured)
+
+
+def posed_by_own_wrist(subject: Subject, track: HandTrack) -> HandState:
+    """The pose parameters of a subject with the wrist of its track, as other programs pose it,
+    where the track has all parameters of the subject's hand.
+
+    The keypoints of a result for keypoints alone are those of its tracker's skeleton, whose wrist
+    may be millimetres from that of the hand. A wrist farther from it is taken for a fault.
+    """
+    state, model = subject.parameters(), subject.shaped.model
+    if subject.start is None or track.betas is None or track.hand_model != model.name:
+        return state
+    wrist = blendable(track).wrist
+    assert wrist is not None, "a pose comes with a wrist"
+    apart = (wrist - subject.joints[:, 0]).norm(dim=-1)[track.observed].mean()
+    return replace(state, wrist=wrist[None]) if apart <= POSE_MISFIT else state

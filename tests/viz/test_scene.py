@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from geneoh.errors import InputError
+from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
 from geneoh.viz.look import LARGEST_DEPTH, SKIN_COLOUR, ramp_colours, ramp_position
@@ -14,6 +17,26 @@ def test_the_mesh_is_that_of_the_tracks_own_parameters(scene, track):
     hand = scene.versions[0].hands[0]
     expected = load_hand("right").shaped(track.betas).posed(track.pose, track.wrist)
     torch.testing.assert_close(hand.verts, expected.verts, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_mesh_has_its_own_wrist_where_that_of_the_keypoints_lies_elsewhere(scene, track, side):
+    hand = load_hand("right").shaped(track.betas).posed(track.pose, track.wrist)
+    joints = hand.joints.clone()
+    joints[:, 0, 0] += 0.01  # as in the skeleton of another tracker
+    valid = torch.arange(len(joints)) != 2
+    result = replace(track, joints=joints, valid=valid)
+    sequence = replace_hands(scene, result if side == "right" else result.mirrored())
+    (seen,) = make_scene({"result": sequence}).versions[0].hands
+    verts = seen.verts if side == "right" else mirror_points(seen.verts)
+    torch.testing.assert_close(verts[valid], hand.verts[valid], atol=1e-5, rtol=0)
+
+
+def test_a_wrist_far_from_the_keypoints_does_not_move_the_mesh(scene, track):
+    hand = load_hand("right").shaped(track.betas).posed(track.pose, track.wrist)
+    odd = replace(track, joints=hand.joints, wrist=track.wrist + 0.09)
+    (seen,) = make_scene({"odd": replace_hands(scene, odd)}).versions[0].hands
+    torch.testing.assert_close(seen.verts, hand.verts, atol=1e-5, rtol=0)
 
 
 def test_a_left_hand_is_the_mirror_image_of_the_right_one(scene):
