@@ -50,6 +50,7 @@ class Solid:
     surface: Mesh  # the faces between inside and outside, all pointing outward
     body: Mesh  # the faces whose winding number defines the inside; a shell may point either way
     closed: bool  # whether the body has no open edge: only its surface separates inside and outside
+    walled: bool  # whether an open sheet of the mesh got a wall
     low: Float64[Tensor, " 3"]
     high: Float64[Tensor, " 3"]  # with `low`, corners of the surface's bounding box
     winding: igl.FastWindingNumberBVH
@@ -97,8 +98,8 @@ def build_solid(mesh: Mesh) -> Solid:
             f"{name}: expected faces larger than {WELD_TOLERANCE:g} m, got none in a mesh that is "
             f"{float(mesh.extent().max()):.3g} m long; scale it to metres"
         )
-    body, patches = agreeing(without_copies(whole))
-    body = with_walls(body, patches)
+    sheets, patches = agreeing(without_copies(whole))
+    body = with_walls(sheets, patches)
     winding = winding_of(body)
     closed = not bool(open_edges(body.faces).any())
     surface = (
@@ -113,7 +114,8 @@ def build_solid(mesh: Mesh) -> Solid:
             "faces that enclose nothing; check the mesh and its scale"
         )
     corners = surface.corners().reshape(-1, 3).double()
-    return Solid(surface, body, closed, corners.amin(0), corners.amax(0), winding)
+    walled = len(body.verts) > len(sheets.verts)
+    return Solid(surface, body, closed, walled, corners.amin(0), corners.amax(0), winding)
 
 
 def without_copies(mesh: Mesh) -> Mesh:

@@ -1,7 +1,7 @@
 """The whole cleaning pipeline, from a noisy interaction to a clean one."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from geneoh.choices import Side
 from geneoh.denoisers.library import load_denoisers
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
+from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.openings import SHEET_THICKNESS
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
@@ -38,7 +40,7 @@ from geneoh.readers.checks.convention import doubts
 from geneoh.sequence.gaps import filled_poses, moved
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames, poses_over_frames, with_hands_earlier
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LOG = logging.getLogger(__name__)
 
@@ -180,6 +182,7 @@ def clean_interaction(
     run = HandRun(denoisers, chosen, noise, options.seed, on_progress)
     raw = normalised_hands(replace(seen, hands=undone)) if undone else ()
     fitted, in_each_other = kept_apart(_fitted(normalised, raw, ready.relied, run, options))
+    notes += open_meshes(motion, fitted[0].surface)
     results: dict[Side, HandResult] = {
         hand.side: _as_given(found.result(), hand, sequence.hand(hand.side), still)
         for found, hand in zip(fitted, normalised, strict=True)
@@ -192,6 +195,21 @@ def clean_interaction(
         notes += [EXACT] if all(same) else []
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examination, in_each_other)
+
+
+def open_meshes(motion: ObjectTrack, surface: MovingSurface | None) -> Iterator[str]:
+    """A sentence for each part that was ever seen, of the given surface, whose mesh is so open that
+    it is taken for a sheet: depth in its wall tells nothing of the depth in a solid."""
+    if surface is None:
+        return
+    wall = 1000 * SHEET_THICKNESS
+    for part, field in zip(motion.seen_parts, surface.fields, strict=True):
+        if field.solid.walled:
+            name = motion.name_of(part)
+            yield (
+                f"the mesh of {name} is open and taken for a sheet with a wall of {wall:g} mm, in "
+                f"which no depth exceeds {wall / 2:g} mm; if {name} is solid there, close its mesh"
+            )
 
 
 def _fitted(

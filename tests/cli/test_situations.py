@@ -14,6 +14,7 @@ import bad_inputs as bad
 import numpy as np
 import pytest
 import quick_presets
+import trimesh
 from bad_inputs import BOX_CORNERS, BOX_FACES, FRAMES, good_arrays, with_arrays, write_mesh
 from click.testing import CliRunner
 from recorded_inputs import (
@@ -63,6 +64,12 @@ def first_frames(count: int) -> Callable[[Path], None]:
     """Keep some frames of every field."""
     fields = ("joints", "object_rotation", "object_translation")
     return with_arrays(**dict.fromkeys(fields, lambda array: array[:count]))
+
+
+def with_a_hole(folder: Path) -> None:
+    """A box that lacks a small triangle."""
+    verts, faces = trimesh.remesh.subdivide(BOX_CORNERS, BOX_FACES)
+    write_mesh(folder / "object.obj", verts, faces[:-1])
 
 
 def in_mano_order(joints: np.ndarray) -> np.ndarray:
@@ -389,6 +396,12 @@ SITUATIONS = [
     Situation(
         "A mesh with a hole",
         "wrote",
+        with_a_hole,
+        code=0,
+    ),
+    Situation(
+        "A mesh that is open, as a scan without its bottom",
+        "note: the mesh of the object is open ... if the object is solid there, close its mesh",
         lambda f: write_mesh(f / "object.obj", BOX_CORNERS, BOX_FACES[:-1]),
         code=0,
     ),

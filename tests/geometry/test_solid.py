@@ -44,7 +44,9 @@ OFF_TORUS = torch.tensor([[0.0, 0.0, 0.0], [0.06, 0.06, 0.0], [0.05, 0.0, 0.019]
 
 def gets_a_wall(mesh: Mesh | trimesh.Trimesh) -> bool:
     mesh = mesh if isinstance(mesh, Mesh) else from_trimesh(mesh)
-    return len(build_solid(mesh).body.verts) > len(mesh.verts)
+    solid = build_solid(mesh)
+    assert solid.walled == (len(solid.body.verts) > len(mesh.verts))
+    return solid.walled
 
 
 def assert_is_the_torus(mesh: Mesh) -> None:

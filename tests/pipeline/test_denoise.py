@@ -317,3 +317,13 @@ def test_hands_in_one_point_count_as_missing(noisy):
     assert found.hands["left"].filled.tolist() == lost.tolist()
     assert torch.equal(joints_of(found), joints_of(wanted))
     assert "5 frames" in found.doubts[0]
+
+
+def test_a_mesh_that_is_taken_for_a_sheet_is_told(noisy):
+    assert not any("sheet" in note for note in denoise(noisy[:20], FAST).notes)
+    (mesh,) = noisy.object.meshes
+    height = mesh.corners().mean(1)[:, 2]
+    opened = replace(mesh, faces=mesh.faces[height > height.quantile(0.3)])
+    sequence = replace(noisy[:20], object=replace(noisy[:20].object, meshes=(opened,)))
+    told = "the mesh of the object is open and taken for a sheet with a wall of 2 mm"
+    assert any(told in note for note in denoise(sequence, FAST).notes)
