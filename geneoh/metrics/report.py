@@ -68,6 +68,18 @@ class FrameMeasures(Bundle):
     """Mean over keypoints in millimetres per frame squared, from the frame before to the one after;
     NaN where one of the three has no hand."""
 
+    def counted(self, frames: Bool[Tensor, " T"]) -> "FrameMeasures":
+        """The measures in some of the frames alone: the others count as frames without a hand."""
+        valid, inner = self.valid & frames, torch.zeros_like(frames)
+        inner[1:-1] = valid_differences(valid, 2)
+        return FrameMeasures(
+            valid=valid,
+            touching=self.touching & frames,
+            depth=self.depth.where(frames, torch.nan),
+            fingers=self.fingers.where(frames, torch.nan),
+            acceleration=self.acceleration.where(inner, torch.nan),
+        )
+
     def means(self) -> dict[str, float]:
         """The fields of an `InteractionReport` that follow from the frames."""
         return {name: mean(self) for name, mean in FRAME_MEANS.items()}

@@ -91,12 +91,13 @@ def near_height(scene: Scene, cell: int) -> int:
 
 
 def depth_words(scene: Scene, version: Version, frame: int) -> str:
-    """How deep the hands of a version are in the object, or that the frame has no hand."""
+    """How deep the hands of a version are in the object, or that the frame has no hand; nothing
+    without an object, or with one that was never seen."""
     if not bool(version.measures.valid[frame]):
         return "no hand"
-    if not scene.has_object:
-        return ""
     depth = 1000 * float(version.measures.depth[frame])
+    if not scene.has_object or depth != depth:
+        return ""
     return f"{depth:.1f} mm deep" if depth > 0 else "not inside"
 
 

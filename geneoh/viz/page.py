@@ -169,7 +169,7 @@ def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
 
 def _version(version: Version, scene: Scene, box: _Box, packed: _Packed) -> dict[str, Any]:
     measures, trust = version.measures, scene.object_confidence
-    means = measures.means()
+    means = scene.means(version)
     found = {
         "title": version.title,
         "hands": [_hand(hand, scene.has_object, box, packed) for hand in version.hands],

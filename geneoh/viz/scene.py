@@ -102,6 +102,12 @@ class Scene:
         """Number of frames T."""
         return len(self.object.rotation)
 
+    def means(self, version: Version) -> dict[str, float]:
+        """The means of a version over the frames of the input that have its hands, as the report
+        has them; over all its frames with a hand if those are unknown."""
+        measures = version.measures
+        return (measures if self.filled is None else measures.counted(~self.filled)).means()
+
     @cached_property
     def sharp_parts(self) -> tuple[Mesh, ...]:
         """The parts of the object with their vertices doubled along sharp edges."""
@@ -184,9 +190,10 @@ def make_scene(
 ) -> Scene:
     """Pose every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; without a mesh only hands are shown. A hand model is
-    fitted to a hand that has only keypoints. Betas of MANO get MANO's mesh where the user has its
-    files, else the embedded hand fitted to the same bones.
+    The object is that of the last sequence; without a mesh only hands are shown. Nothing is
+    measured against a part that was never seen. A hand model is fitted to a hand that has only
+    keypoints. Betas of MANO get MANO's mesh where the user has its files, else the embedded hand
+    fitted to the same bones.
 
     `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
     """
@@ -200,7 +207,8 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
-    distance_of = partial(_distances, cache(last.object.surface)) if last.object.meshes else None
+    met = last.object.of_parts(last.object.seen_parts) if last.object.meshes else last.object
+    distance_of = partial(_distances, cache(met.surface)) if met.meshes else None
     versions = []
     for name, sequence in sequences.items():
         hands = [pose_track(hand, distance_of, sequence.fps, mano_dir) for hand in sequence.hands]

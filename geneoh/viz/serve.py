@@ -64,7 +64,8 @@ def gallery_items(
         before = beside if beside != path and beside.is_file() else None
         opened = partial(open_scene, path, before, obj=obj or mesh_beside(beside))
         try:
-            items.append(GalleryItem(clip.name, opened, opened().versions[-1].measures.means()))
+            scene = opened()
+            items.append(GalleryItem(clip.name, opened, scene.means(scene.versions[-1])))
         except InputError as error:
             refused[clip.name] = error
     if refused and not items:

@@ -74,6 +74,28 @@ def test_spread_over_the_skin_is_the_keypoints_where_they_agree(scene):
     torch.testing.assert_close(spread, torch.full_like(spread, 0.004))
 
 
+def test_nothing_is_measured_against_a_part_that_was_never_seen(scene, track):
+    seen = torch.tensor([False, True]).expand(len(track.pose), 2)
+    moving = replace_hands(scene, track)
+    hidden = replace(moving, object=replace(moving.object, valid=seen))
+    both, one = (make_scene({"clip": each}).versions[0].measures for each in (moving, hidden))
+    assert float(both.depth.min()) > 0.005  # the hand sinks into the first part
+    assert float(one.depth.max()) == 0
+
+
+def test_means_are_over_the_frames_that_the_input_has(scene):
+    version = scene.versions[0]
+    filled = torch.tensor([0, 0, 0, 0, 0, 1]).bool()
+    found, every = replace(scene, filled=filled).means(version), scene.means(version)
+    measures = version.measures
+    assert every == measures.means()
+    depth = 1000 * float(measures.depth[:5].mean())
+    assert found["penetration_mean_mm"] == pytest.approx(depth)
+    kept = measures.counted(~filled)
+    assert kept.valid.tolist() == [True] * 5 + [False]
+    assert kept.acceleration.isfinite().tolist() == [False, True, True, True, False, False]
+
+
 def test_versions_of_different_length_are_refused(scene, track):
     long = replace_hands(scene, track)
     with pytest.raises(InputError, match="same frames, got 6 against 3"):
