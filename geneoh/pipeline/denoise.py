@@ -56,6 +56,10 @@ MOVING_CAMERA = (
 )
 POSES = "rotation", "translation"
 EXACT = "poses of the object are left as they are (--refine-object): they count as exact"
+OF_OTHER_POSES = (
+    "measures are against the cleaned poses of the object; a page measures against the poses in "
+    "the file, which are the input's (--refine-object writes clean ones)"
+)
 
 
 @checked_call
@@ -176,7 +180,10 @@ def clean_interaction(
     normalised = normalised_hands(seen)
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
-        notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
+        notes.append(
+            f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back: measures, "
+            f"and how far keypoints moved, are at {NETWORK_FPS:g}, on a page at {sequence.fps:g}"
+        )
     examination = ready.examination
     noise = None if examination is None else examination.white_noise
     run = HandRun(denoisers, chosen, noise, options.seed, on_progress)
@@ -191,10 +198,16 @@ def clean_interaction(
     kept = sequence.object
     if options.refine_object and examination is not None:
         kept = refine_object(ready.object, examination, hands, sequence.fps)
-        same = (getattr(kept, name).equal(getattr(sequence.object, name)) for name in POSES)
-        notes += [EXACT] if all(same) else []
+        notes += [EXACT] if _same_poses(kept, sequence.object) else []
+    elif not _same_poses(ready.object, kept):
+        notes.append(OF_OTHER_POSES)
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examination, in_each_other)
+
+
+def _same_poses(one: ObjectTrack, other: ObjectTrack) -> bool:
+    """Whether two objects have exactly the same poses."""
+    return all(getattr(one, name).equal(getattr(other, name)) for name in POSES)
 
 
 def open_meshes(motion: ObjectTrack, surface: MovingSurface | None) -> Iterator[str]:

@@ -327,3 +327,10 @@ def test_a_mesh_that_is_taken_for_a_sheet_is_told(noisy):
     sequence = replace(noisy[:20], object=replace(noisy[:20].object, meshes=(opened,)))
     told = "the mesh of the object is open and taken for a sheet with a wall of 2 mm"
     assert any(told in note for note in denoise(sequence, FAST).notes)
+
+
+def test_the_rate_of_the_measures_is_told_where_it_is_not_that_of_the_file(noisy):
+    slow = denoise(noisy[:40:2], FAST)
+    told = "resampled from 15 to 30 frames a second and back: measures, and how far keypoints moved"
+    assert any(note.startswith(told) and "page at 15" in note for note in slow.notes)
+    assert not any("measures" in note for note in denoise(noisy[:20], FAST).notes)

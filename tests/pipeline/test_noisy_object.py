@@ -58,6 +58,16 @@ def test_the_hand_does_not_inherit_the_noise_of_the_object(cleaned, shaking, cle
     assert acceleration < 8.3 < rougher
 
 
+def test_measures_against_other_poses_than_those_of_the_file_are_told(cleaned, clean, shaking):
+    def told(result):
+        return any("measures are against the cleaned poses" in note for note in result.notes)
+
+    assert told(cleaned)
+    assert cleaned.sequence.object.rotation.equal(shaking.object.rotation)
+    assert not told(geneoh.denoise(clean[:40], FAST))
+    assert not told(geneoh.denoise(shaking[:40], replace(FAST, refine_object=True)))
+
+
 def test_the_noise_of_the_object_is_told(cleaned, shaking):
     found = cleaned.examined
     assert found.is_noisy.all()
