@@ -136,5 +136,5 @@ def _rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
             "moved_mm": 1000 * hand.moved,
             "before": hand.before.as_dict(),
             "after": hand.after.as_dict(),
-            "notes": list(dict.fromkeys((*result.doubts, *result.notes, *hand.notes))),
+            "notes": list(dict.fromkeys((*result.notes_of_clip(), *hand.notes))),
         }

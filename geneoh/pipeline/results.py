@@ -166,12 +166,18 @@ class Denoised(Bundle):
             before, after = (format_number(1000 * depth) for depth in self.hands_in_each_other)
             yield f"depth of the hands in each other, deepest: {before} -> {after} mm"
 
+    def notes_of_clip(self) -> tuple[str, ...]:
+        """Doubts about the input, notes on it, and the depth of two hands in each other where the
+        input or the result has any."""
+        overlap = self.between_hands() if any(self.hands_in_each_other or ()) else ()
+        return (*self.doubts, *self.notes, *overlap)
+
     def sentences(self) -> tuple[str, ...]:
-        """Doubts about the input and notes on it and its hands, each once."""
+        """`notes_of_clip`, and notes on its hands, each once."""
         of_hands = (
             f"{side} hand: {note}" for side, hand in self.hands.items() for note in hand.notes
         )
-        return tuple(dict.fromkeys((*self.doubts, *self.notes, *of_hands)))
+        return tuple(dict.fromkeys((*self.notes_of_clip(), *of_hands)))
 
     def extra_arrays(self) -> Arrays:
         """`options`, the settings as JSON; `notes` (N,), the `sentences`; `object_confidence`

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import fake_cleaning
@@ -59,6 +60,19 @@ def test_every_clip_has_a_result_and_a_second_run_does_nothing(clips, clean, tmp
     assert clean(clips).before == 4
     assert results(tmp_path / "out") == first
     assert {path: path.stat().st_mtime_ns for path in times} == times
+
+
+def test_the_summary_tells_how_deep_two_hands_were_in_each_other(
+    clips, clean, monkeypatch, tmp_path
+):
+    def overlapping(sequence, options):
+        return replace(plain(sequence, options), hands_in_each_other=(0.02, 0.003))
+
+    plain = fake_cleaning.denoise
+    monkeypatch.setattr(fake_cleaning, "denoise", overlapping)
+    clean(clips)
+    told = "depth of the hands in each other, deepest: 20.0 -> 3.00 mm"
+    assert told in (tmp_path / "out" / "summary.csv").read_text()
 
 
 @pytest.mark.slow

@@ -46,6 +46,14 @@ def test_a_result_as_text_says_what_changed(result):
     ]
 
 
+def test_a_file_holds_how_deep_two_hands_were_in_each_other(result):
+    told = "depth of the hands in each other, deepest: 20.0 -> 0.00 mm"
+    assert result.extra_arrays()["notes"].tolist() == ["odd", "so", told, "right hand: a <note>"]
+    apart = replace(result, hands_in_each_other=(0.0, 0.0))
+    assert told not in apart.sentences()
+    assert len(apart.sentences()) == len(replace(result, hands_in_each_other=None).sentences()) == 3
+
+
 def test_a_notebook_shows_the_text_of_a_result_and_not_all_of_its_fields(result):
     written = []
     result._repr_pretty_(SimpleNamespace(text=written.append), False)
