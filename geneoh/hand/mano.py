@@ -66,6 +66,7 @@ def load_mano(
     """
     path = find_mano(side, mano_dir)
     fields = _read_fields(path)
+    _refuse_other_side(path, side, fields)
     if side == "left" and _is_as_shipped(fields, path) != (name == AS_SHIPPED):
         fields["shapedirs"] = fields["shapedirs"] * np.array(MIRROR)[:, None]
     return _model(side, fields, name_of(side, name))
@@ -200,6 +201,18 @@ def _check_size(path: Path, fields: dict[str, np.ndarray]) -> None:
                 f"{path}: '{name}' must be in metres and span {least:g} to {LARGEST_HAND:g}, "
                 f"got {found:.3g}; use the official file from {HOME}"
             )
+
+
+def _refuse_other_side(path: Path, side: Side, fields: dict[str, np.ndarray]) -> None:
+    """Refuse the hand of the other side: fingers of the right rest hand point along -x."""
+    verts = fields["v_template"].astype(float)
+    wrist = fields["J_regressor"][0].astype(float) @ verts
+    found = "right" if (verts[list(TIP_VERTS)] - wrist)[:, 0].mean() < 0 else "left"
+    if found != side:
+        raise InputError(
+            f"{path}: expected the {side} hand, got the {found} one (by the direction of its "
+            f"fingers); give each file the name that it has in the download from {HOME}"
+        )
 
 
 def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:

@@ -268,6 +268,13 @@ def test_a_hand_without_faces_is_refused(tmp_path):
         load_mano("right", tmp_path)
 
 
+@pytest.mark.parametrize(("side", "held"), [("left", "right"), ("right", "left")])
+def test_the_hand_of_the_other_side_is_refused(tmp_path, side, held):
+    np.savez(tmp_path / f"MANO_{side.upper()}.npz", **plain_arrays(held))
+    with pytest.raises(InputError, match=f"expected the {side} hand, got the {held} one"):
+        load_mano(side, tmp_path)
+
+
 class Attack:
     """Runs a function of its choice when it is unpickled by the usual means."""
 
