@@ -112,7 +112,7 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
         wrist = joints[:, 0]
     elif transl is not None:
         betas = read_betas(record, "betas")[0] if model in (MENDED, AS_SHIPPED) else None
-        offset, notes = offset_of_wrist(side, betas, mano_dir)
+        offset, notes = offset_of_wrist(side, model, betas, mano_dir)
         wrist = transl + offset
     names = {**JOINT_NAMES, "betas": "betas"}
     pose = torch.cat([root, fingers + mean], dim=1)
@@ -149,10 +149,14 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
 
 
 def offset_of_wrist(
-    side: Side, betas: Float[Tensor, " 10"] | None, mano_dir: Path | str | None
+    side: Side,
+    model: str | None,
+    betas: Float[Tensor, " 10"] | None,
+    mano_dir: Path | str | None,
 ) -> tuple[Float[Tensor, " 3"], Notes]:
-    """Offset from MANO's origin to the wrist, with smplx's left hand; the mean's without MANO."""
+    """Offset from the origin to the wrist of the MANO hand that the betas belong to, by default
+    smplx's, which has the left hand as shipped; that of the mean hand without MANO's files."""
     if mano_dir is None:
         return float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
-    hand = load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir)
+    hand = load_hand(side, source=MENDED if model == MENDED else AS_SHIPPED, mano_dir=mano_dir)
     return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()

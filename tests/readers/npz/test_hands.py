@@ -74,6 +74,18 @@ def test_smplx_translation_plus_the_models_wrist_is_the_wrist(monkeypatch):
     assert reading[1] == ()
 
 
+@pytest.mark.parametrize("model", ["mano", "mano-as-shipped"])
+def test_the_wrist_is_that_of_the_left_hand_that_the_betas_belong_to(mano_dir, model):
+    arrays = {**SMPLX, "hand_model": np.array(model)}
+    wrist = only(read(arrays, side="left", mano_dir=mano_dir)).wrist
+    own, other = (
+        load_hand("left", source=name, mano_dir=mano_dir).rest_wrist(torch.from_numpy(BETAS))
+        for name in (model, "mano" if model == "mano-as-shipped" else "mano-as-shipped")
+    )
+    torch.testing.assert_close(wrist, torch.from_numpy(PLACE) + own)
+    assert (own - other).norm() > 1e-3
+
+
 @pytest.mark.parametrize(("side", "sign"), [("right", 1), ("left", -1)])
 def test_smplx_without_a_model_places_the_mean_hands_wrist_and_says_so(side, sign):
     reading = read(SMPLX, side=side)

@@ -20,6 +20,10 @@ SIDES = ("right", "left")
 
 FLIP = np.array([-1.0, 1.0, 1.0])
 
+WRIST_DIRS = 0.002 * np.linspace(-1.0, 1.0, 30).reshape(3, 10)
+"""How each shape direction moves the whole hand and so its wrist, metres: MANO's wrist depends on
+the betas, and that of the embedded hand does not."""
+
 
 class Ch:
     """Stands in for a chumpy array while a file is written."""
@@ -28,13 +32,18 @@ class Ch:
         self.x = x
 
 
+def right_shape_dirs() -> np.ndarray:
+    """(V, 3, 10) shape directions of the right hand."""
+    return load_hand("right").shape_dirs.double().numpy() + WRIST_DIRS
+
+
 def mano_arrays(side: str) -> dict[str, np.ndarray]:
     """What a file of MANO holds, with its quirks."""
     hand, draw, flip = load_hand(side), np.random.default_rng(0), np.ones(3)
     mean = 0.15 * draw.standard_normal((15, 3))
     return {
         "v_template": hand.template.double().numpy(),
-        "shapedirs": load_hand("right").shape_dirs.double().numpy(),  # of the right in both files
+        "shapedirs": right_shape_dirs(),  # in both files
         "posedirs": hand.pose_dirs.double().numpy(),
         "J_regressor": hand.joint_regressor.double().numpy(),
         "weights": hand.skin_weights.double().numpy(),
@@ -92,4 +101,4 @@ def write_mano(folder: Path) -> Path:
 @cache
 def mano_model(side: str):
     """MANO with the official left file, from the embedded hand."""
-    return replace(load_hand(side), shape_dirs=load_hand("right").shape_dirs)
+    return replace(load_hand(side), shape_dirs=torch.from_numpy(right_shape_dirs()).float())
