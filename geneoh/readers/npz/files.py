@@ -81,7 +81,8 @@ def load(
             there is no mesh.
         side: side of the hand, if the file does not state it; of two hands, the one to read.
         fps: frames a second, if the file does not state it.
-        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations, poses
+            relative to the mean pose, and the keypoints of files that hold MANO's parameters alone.
         unit: of the mesh files in `obj`.
         joint_order: order of the keypoints, where the file holds bare `joints`.
         keypoint_unit: unit of the lengths in a file of bare `joints`, including `camera_position`,

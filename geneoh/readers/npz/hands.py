@@ -4,6 +4,8 @@ The caller must pass what the file leaves open and only its owner knows, such as
 hand. Assumptions are noted.
 """
 
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import Side
-from geneoh.errors import InputError
-from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.errors import InputError, MissingAssetError
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, load_pose_space, name_of
 from geneoh.readers import mano
@@ -30,6 +32,32 @@ def read_hands(
     record: Record, layout: Layout, side: Side | None = None, mano_dir: Path | str | None = None
 ) -> tuple[tuple[HandTrack, ...], Notes]:
     """The hand tracks of a file in a known layout, and notes on what was assumed; see `load`."""
+    hands, notes = read_layout(record, layout, side, mano_dir)
+    return tuple(with_keypoints(hand, mano_dir) for hand in hands), notes
+
+
+def with_keypoints(hand: HandTrack, mano_dir: Path | str | None) -> HandTrack:
+    """A track of pose and MANO's betas alone with its keypoints, by the MANO hand of the betas.
+
+    Other hand models ignore these betas, and would pose their mean hand. Unchanged without MANO's
+    file of that side.
+    """
+    pose, wrist, betas, model = hand.pose, hand.wrist, hand.betas, hand.hand_model
+    if hand.joints is not None or pose is None or wrist is None or betas is None:
+        return hand
+    if mano_dir is None or model not in (MENDED, AS_SHIPPED):
+        return hand
+    with suppress(MissingAssetError):
+        shaped = load_hand(hand.side, source=model, mano_dir=mano_dir).shaped(betas)
+        joints = shaped.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
+        return replace(hand, joints=joints)
+    return hand
+
+
+def read_layout(
+    record: Record, layout: Layout, side: Side | None, mano_dir: Path | str | None
+) -> tuple[tuple[HandTrack, ...], Notes]:
+    """As `read_hands`, with the keypoints that the file holds."""
     if layout == "geneoh-sequence":
         return read_own(record, side)
     side = side_of(record, side)

@@ -1,4 +1,5 @@
 import re
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -84,6 +85,35 @@ def test_the_wrist_is_that_of_the_left_hand_that_the_betas_belong_to(mano_dir, m
     )
     torch.testing.assert_close(wrist, torch.from_numpy(PLACE) + own)
     assert (own - other).norm() > 1e-3
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("layout", ["smplx", "taco", "own"])
+def test_a_pose_with_manos_betas_gets_its_keypoints_where_mano_is_there(mano_dir, layout, side):
+    named = {"pose": POSE, "wrist": PLACE, "betas": BETAS}
+    own = {**OWN, "hand_model": np.array("mano-as-shipped")}
+    arrays = {
+        "smplx": SMPLX,
+        "taco": {n: v for n, v in TACO.items() if n not in ("hand_joints", "side")},
+        "own": own | {f"{side}_{name}": array for name, array in named.items()},
+    }[layout]
+    assert only(read(arrays, side=side)).joints is None
+    hand = only(read(arrays, side=side, mano_dir=mano_dir))
+    placed = (np.float64(values) for values in (POSE, hand.wrist, BETAS))
+    expected = read_mano(mano_dir, side).keypoints(*placed)
+    np.testing.assert_allclose(hand.joints, expected, atol=1e-6)
+
+
+def test_a_pose_gets_no_keypoints_without_manos_betas_or_the_file_of_its_side(mano_dir, tmp_path):
+    own = {**OWN, "left_pose": POSE, "left_wrist": PLACE, "left_betas": BETAS}
+    mano = {**own, "hand_model": np.array("mano")}
+    copy(mano_dir / "MANO_RIGHT.pkl", tmp_path)
+    for arrays, folder in (
+        ({**own, "hand_model": np.array("embedded")}, mano_dir),
+        ({n: v for n, v in mano.items() if n != "left_betas"}, mano_dir),
+        (mano, tmp_path),
+    ):
+        assert only(read(arrays, mano_dir=folder)).joints is None
 
 
 @pytest.mark.parametrize(("side", "sign"), [("right", 1), ("left", -1)])
