@@ -48,8 +48,10 @@ def test_noise_of_joints_lengthens_no_bone():
     assert off.mean().abs() < 1e-3
 
 
-def test_pose_alone_takes_the_mean_hand_and_says_so():
-    track = replace(track_of(torch.zeros(10)), joints=None, hand_model="mano", betas=torch.ones(10))
+@pytest.mark.parametrize("hand_model", ["mano", "mano-as-shipped"])
+def test_pose_alone_takes_the_mean_hand_and_says_so(hand_model):
+    shape = {"hand_model": hand_model, "betas": torch.ones(10)}
+    track = replace(track_of(torch.zeros(10)), joints=None, **shape)
     subject = subject_of(track, MODEL)
     assert torch.equal(subject.betas, torch.zeros(10))
     assert subject.notes == (
