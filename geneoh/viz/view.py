@@ -1,5 +1,6 @@
 """Look at a result from Python: as a page in the browser, a picture, a film or another file."""
 
+import logging
 import tempfile
 import webbrowser
 from collections.abc import Iterable, Iterator
@@ -17,7 +18,7 @@ from geneoh.config import as_field_type
 from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.npz import Arrays
-from geneoh.hand.mano import refuse_without_mano
+from geneoh.hand.mano import AS_SHIPPED, MENDED, refuse_without_mano
 from geneoh.modes import undisturbed
 from geneoh.pipeline.results import (
     FROM_ARRAYS,
@@ -38,6 +39,8 @@ from geneoh.viz.notebook import is_in_notebook, show_below_cell
 from geneoh.viz.outputs import USED_BY, check_scene_outputs, lacking, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
+
+LOG = logging.getLogger(__name__)
 
 Viewable = Result | Sequence | Path | str  # in memory, or an npz file
 
@@ -171,11 +174,14 @@ def open_scene(
         sequences, title=title, samples=kept_samples(kept), mano_dir=mano_dir, body=body
     )
     filled = filled_of(kept, scene)
+    fitted = tuple(fitted_notes(scene, next(reversed(sequences.values()))))
+    for words in fitted:
+        LOG.warning("%s: %s", scene.title, words)
     return replace(
         scene,
         object_confidence=confidence_of(kept),
         filled=torch.stack(list(filled.values())).any(0) if filled else None,
-        notes=(*kept_notes(kept), *filled_notes(filled)),
+        notes=(*kept_notes(kept), *filled_notes(filled), *fitted),
     )
 
 
@@ -209,6 +215,18 @@ def filled_notes(filled: dict[Side, Bool[Tensor, " T"]]) -> Iterator[str]:
         if count := int(frames.sum()):
             what = numbered(count, "unobserved frame")
             yield f"{side} hand: {what} filled in, shaded behind the curves"
+
+
+def fitted_notes(scene: Scene, last: Sequence) -> Iterator[str]:
+    """Which hands of the last version have MANO's betas and are shown as our hand."""
+    for hand in scene.versions[-1].hands:
+        track, of_mano = last.hand(hand.side), (MENDED, AS_SHIPPED)
+        is_ours = hand.model.name not in of_mano
+        if track.betas is not None and track.hand_model in of_mano and is_ours:
+            yield (
+                f"{hand.side} hand: its betas are MANO's, whose file is not there, so our hand is "
+                "fitted to it and shown, some millimetres off; --mano FOLDER shows MANO's"
+            )
 
 
 def write_page(

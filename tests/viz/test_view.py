@@ -11,6 +11,7 @@ import jaxtyping
 import numpy as np
 import pytest
 import torch
+import trees
 from pages import page_scene
 from PIL import Image
 
@@ -162,6 +163,19 @@ def test_an_ending_of_no_format_is_refused_before_the_work(sequences, tmp_path):
 def test_a_folder_without_mano_is_refused(sequences, tmp_path):
     with pytest.raises(MissingAssetError, match=r"MANO_RIGHT\.pkl: expected this file"):
         view(sequences[0], tmp_path / "page.html", mano_dir=tmp_path)
+
+
+def test_a_hand_that_stands_in_for_manos_is_told(sequences, tmp_path, caplog):
+    (right, left), words = sequences[1].hands, "its betas are MANO's, whose file is not there"
+    shown = replace(sequences[1], hands=(replace(right, hand_model="mano"), left))
+    right_file = trees.write_mano(tmp_path) / "MANO_RIGHT.pkl"
+    (note,) = open_scene(shown).notes
+    assert note.startswith(f"right hand: {words}")
+    assert words in caplog.text
+    assert open_scene(shown, mano_dir=tmp_path).notes == ()
+    right_file.unlink()
+    assert open_scene(shown, mano_dir=tmp_path).notes == (note,)
+    assert open_scene(sequences[1]).notes == ()
 
 
 @pytest.mark.parametrize("cell", [5, 4096])
