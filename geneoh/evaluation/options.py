@@ -65,7 +65,8 @@ class ProtocolOptions(Limited):
     object_noise: choices.ObjectNoise | None = None
     """Noise on the object poses in the input; scores use the true poses. None: no noise."""
     mano_dir: Path | None = None
-    """Folder of the user's MANO files; GRAB and ARCTIC need it."""
+    """Folder of the user's MANO files, which GRAB and ARCTIC need. None leaves it to the
+    environment variable GENEOH_MANO_DIR."""
     objects: Path | None = None
     """Folder of the object meshes, if they are not where the data set puts them."""
 

@@ -79,20 +79,25 @@ def load_pose_space(side: Side, mano_dir: Path | str | None = None) -> PoseSpace
     return PoseSpace(*(torch.from_numpy(fields[n].astype(np.float32)) for n in fields))
 
 
+def mano_folder(mano_dir: Path | str | None) -> Path | None:
+    """The folder of the user's MANO files: that of the caller, else that of the environment."""
+    folder = mano_dir or os.environ.get(ENVIRONMENT)
+    return Path(folder) if folder else None
+
+
 def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
     """The file of one side; `MissingAssetError` says what to get and where to put it."""
-    folder = mano_dir or os.environ.get(ENVIRONMENT)
+    root = mano_folder(mano_dir)
     name = f"MANO_{side.upper()}.pkl"
     advice = (
         f"register at {HOME}, download mano_v1_2.zip and put its {name} there, "
         "or use the embedded hand, which needs no file"
     )
-    if not folder:
+    if root is None:
         raise MissingAssetError(
             f"{name}: no folder is given, so name one with --mano or in the environment variable "
             f"{ENVIRONMENT}; {advice}"
         )
-    root = Path(folder)
     for place in FOLDERS:
         for candidate in (root / place / name, (root / place / name).with_suffix(".npz")):
             if os.path.isfile(candidate):

@@ -15,7 +15,7 @@ from geneoh.choices import OF_SOURCES, JointOrder, PoseFrame, Side, Translation,
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
-from geneoh.hand.mano import AS_SHIPPED, ManoName
+from geneoh.hand.mano import AS_SHIPPED, ManoName, mano_folder
 from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.pose_matching import ObjectPoses
 from geneoh.readers.records import Array, Notes, Record
@@ -31,7 +31,8 @@ class ReaderOptions:
     """Options by which the caller supplies what a source's files leave open."""
 
     mano_dir: Path | None = None
-    """Folder of the user's MANO files."""
+    """Folder of the user's MANO files. None leaves it to the environment variable
+    GENEOH_MANO_DIR."""
     body: Path | None = None
     """The user's SMPL+H model, for sources whose hands are posed with a body."""
     objects: Path | None = None
@@ -62,18 +63,20 @@ class ReaderOptions:
     """Position of the camera in the world, metres, instead of the source's own."""
 
     def __post_init__(self) -> None:
-        """Refuse a focal length that no camera has: hands would be behind it, or nowhere.
+        """Find the folder of MANO, and refuse a focal length that no camera has: hands would be
+        behind it, or nowhere.
 
         Raises:
-            ConfigError: it is not above 0 and finite.
+            ConfigError: the focal length is not above 0 and finite.
         """
+        object.__setattr__(self, "mano_dir", mano_folder(self.mano_dir))
         if self.focal is not None and not 0 < self.focal < math.inf:
             raise ConfigError(
                 f"--focal: expected a length in pixels above 0, got {self.focal:g}; correct it"
             )
 
     def mano(self, side: Side, left_hand: ManoName = AS_SHIPPED) -> Mano | None:
-        """The user's MANO model of one side; None without `mano_dir`."""
+        """The user's MANO model of one side; None where no folder is known."""
         return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
 
 

@@ -229,3 +229,26 @@ def test_files_of_the_callers_own_get_a_remedy_that_fits_them(tmp_path):
         match="give a 4x4 matrix for each frame, made of its position and its quaternion",
     ):
         geneoh.load(joints, side="right", object_pose=poses)
+
+
+def test_the_folder_of_mano_may_be_in_the_environment_alone(mano_dir, tmp_path, monkeypatch):
+    known, pose = EXAMPLES / "taco_clean.npz", np.zeros((12, 48), dtype=np.float32)
+    track = geneoh.load(known, obj=EXAMPLES / "taco_object.obj").hand("left")
+    betas, place = np.ones(10, dtype=np.float32), track.wrist[:12].numpy()
+    named = {"global_orient": pose[:, :3], "hand_pose": pose[:, 3:], "transl": place}
+    about = {"flat_hand_mean": False, "side": "left", "betas": betas, "fps": 30.0}
+    np.savez(tmp_path / "smplx.npz", **named, **about)
+    np.savez(tmp_path / "bare.npz", pose=pose, trans=place, **about)
+    bare = {"path": tmp_path / "bare.npz", "translation": "origin", "mean_pose": True}
+
+    def read(**given):
+        return (
+            geneoh.load(tmp_path / "smplx.npz", **given).hands[0],
+            geneoh.read("parameters", **bare, **given).hands[0],
+        )
+
+    told = read(mano_dir=mano_dir)
+    monkeypatch.setenv("GENEOH_MANO_DIR", str(mano_dir))
+    for hand, expected in zip(read(), told, strict=True):
+        assert hand.joints.equal(expected.joints)
+        assert hand.pose.equal(expected.pose)

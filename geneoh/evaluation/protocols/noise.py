@@ -17,6 +17,7 @@ from torch import Tensor
 from geneoh.choices import CaseNoise, Dataset, Side
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
+from geneoh.hand.mano import mano_folder
 from geneoh.readers.mano import read_mano
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
@@ -57,7 +58,7 @@ def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) ->
             f"{dataset}: the noise 'paper' is that of {known}, and the paper puts none on "
             f"{dataset}; choose another noise"
         )
-    if options.finger_noise == "components" and options.mano_dir is None:
+    if options.finger_noise == "components" and mano_folder(options.mano_dir) is None:
         raise MissingAssetError(
             f"{dataset}: expected the folder of MANO_RIGHT.pkl and MANO_LEFT.pkl, on whose pose "
             "components this noise is drawn, got none; register at https://mano.is.tue.mpg.de"
@@ -118,7 +119,8 @@ def draw_paper_noise(
     turn = noise.sizes.orientation * draw(noise.law, 3)
     bend = noise.sizes.fingers * draw(noise.law, fingers)
     if by_components:
-        assert options.mano_dir is not None, "checked before any clip was read"
-        rows = read_mano(options.mano_dir, side).components[:COMPONENTS]
+        folder = mano_folder(options.mano_dir)
+        assert folder is not None, "checked before any clip was read"
+        rows = read_mano(folder, side).components[:COMPONENTS]
         bend = bend @ torch.from_numpy(rows).float()
     return torch.cat([shift, turn, bend], dim=-1)

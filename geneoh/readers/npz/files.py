@@ -15,7 +15,7 @@ from geneoh.errors import InputError, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
-from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.hand.mano import AS_SHIPPED, MENDED, mano_folder
 from geneoh.modes import undisturbed
 from geneoh.readers.base import Place, place_of
 from geneoh.readers.clock import timing_of
@@ -82,7 +82,8 @@ def load(
         side: side of the hand, if the file does not state it; of two hands, the one to read.
         fps: frames a second, if the file does not state it.
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations, poses
-            relative to the mean pose, and the keypoints of files that hold MANO's parameters alone.
+            relative to the mean pose, and the keypoints of files that hold MANO's parameters alone;
+            GENEOH_MANO_DIR where it is None.
         unit: of the mesh files in `obj`.
         joint_order: order of the keypoints, where the file holds bare `joints`.
         keypoint_unit: unit of the lengths in a file of bare `joints`, including `camera_position`,
@@ -98,6 +99,7 @@ def load(
         InputError: a file cannot be read as one interaction; the message says why.
     """
     camera = place_of(camera, "geneoh.load") if isinstance(camera, str) else camera
+    mano_dir = mano_folder(mano_dir)
     if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
         bare = {"joint_order": joint_order, "keypoint_unit": keypoint_unit, "camera": camera}
         shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
