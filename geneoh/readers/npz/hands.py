@@ -130,7 +130,7 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
             )
     model = read_hand_model(record, side, AS_SHIPPED)
     root = read_rotations(record, "global_orient", 1)
-    fingers = read_rotations(record, "hand_pose", 15)
+    fingers = read_fingers(record, side, mano_dir)
     record.refuse_lengths(*SMPLX_PARAMETERS)
     mean, about_mean = mean_to_add(record, side, mano_dir)
     wrist, notes = None, ()
@@ -169,9 +169,29 @@ def mean_to_add(
     return torch.zeros(15, 3), () if flat else (note,)
 
 
+def read_fingers(
+    record: Record, side: Side, mano_dir: Path | str | None
+) -> Float[Tensor, "T 15 3"]:
+    """Finger poses as axis-angle, from rotations or, where the file says `use_pca`, from
+    coefficients of MANO's first pose components; the mean pose is not in them."""
+    if not record.optional_number("use_pca"):
+        return read_rotations(record, "hand_pose", 15)
+    if mano_dir is None:
+        raise record.refuse(
+            "use_pca",
+            "false (the pose is rotations) without MANO",
+            "pass --mano, by which the coefficients are decoded, or decode them first",
+        )
+    components = load_pose_space(side, mano_dir).components
+    coefficients = float32(record.array("hand_pose", ("T", "C")))
+    if coefficients.shape[1] > len(components):
+        raise record.refuse("hand_pose", f"at most {len(components)} coefficients")
+    return (coefficients @ components[: coefficients.shape[1]]).unflatten(1, (15, 3))
+
+
 def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:
     """`count` rotations per frame as axis-angle, from axis-angle or from matrices."""
-    remedy = "decode PCA coefficients to 15 axis-angle triples first" if count > 1 else ""
+    remedy = "of PCA coefficients say 'use_pca' and pass --mano" if count > 1 else ""
     turns = float32(read_turns(record, name, count, remedy=remedy))
     return turns if turns.ndim < 4 else matrix_to_axis_angle(turns)
 

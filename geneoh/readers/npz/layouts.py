@@ -49,7 +49,7 @@ OWN_FIELDS = tuple(name for side in SIDES for name in own_names(side).values())
 LAYOUTS: dict[Layout, tuple[str, ...]] = {
     "geneoh-sequence": ("format", "version", "fps", "hand_model", "source", *OWN_FIELDS),
     "smplx": (
-        *(*SMPLX_PARAMETERS, "betas", "flat_hand_mean", "hand_model"),
+        *(*SMPLX_PARAMETERS, "betas", "flat_hand_mean", "use_pca", "hand_model"),
         *(*JOINT_NAMES, "side", "fps"),
     ),
     "taco": (*TACO_NAMES.values(), "side", "fps"),

@@ -204,6 +204,26 @@ def test_the_mean_pose_is_added_where_the_file_says_so_and_mano_is_there(mano_di
     assert np.abs(mean).max() > 0.01
 
 
+@pytest.mark.parametrize("count", [6, 15, 45])
+@pytest.mark.parametrize("flat", [True, False])
+def test_coefficients_of_poses_are_decoded_where_the_file_says_so(mano_dir, count, flat):
+    mano, coefficients = read_mano(mano_dir, "left"), RNG.standard_normal((T, count))
+    about = {"use_pca": np.array(True), "flat_hand_mean": np.array(flat)}
+    arrays = {**SMPLX, **about, "hand_pose": coefficients}
+    hand = only(read(arrays, side="left", mano_dir=mano_dir))
+    expected = coefficients @ mano.components[:count] + (0 if flat else mano.mean)
+    np.testing.assert_allclose(hand.pose[:, 1:].reshape(T, 45), expected, atol=1e-5)
+
+
+def test_coefficients_of_poses_need_mano(mano_dir):
+    arrays = {**SMPLX, "use_pca": np.array(True)}
+    with pytest.raises(InputError, match=r"'use_pca' must be false .* without MANO.*pass --mano"):
+        read(arrays, side="left")
+    arrays["hand_pose"] = np.zeros((T, 46))
+    with pytest.raises(InputError, match="'hand_pose' must be at most 45 coefficients"):
+        read(arrays, side="left", mano_dir=mano_dir)
+
+
 def test_betas_of_a_model_that_does_not_exist_are_refused_by_the_files_name():
     arrays = {**OWN, "right_betas": BETAS, "right_joints": JOINTS, "hand_model": np.array("MANO")}
     with pytest.raises(InputError, match=r"^hand.npz: 'hand_model' must be one of .*got 'MANO'"):
