@@ -21,8 +21,8 @@ BEST_FILTER_NOTE = (
     "truth: better than any user can choose."
 )
 MESH_NOTE = (
-    "Methods that give keypoints are measured with our hand fitted to them without use of the "
-    "object; geneoh and the optimisation with their own mesh."
+    "Methods that give keypoints are measured with the hand of --hand, by default ours, fitted to "
+    "them without use of the object; geneoh and the optimisation with their own mesh."
 )
 PAGE = Path(__file__).parent / "assets" / "report.html"
 REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")

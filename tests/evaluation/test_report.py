@@ -41,6 +41,11 @@ def folder(tmp_path_factory):
     return folder
 
 
+def test_the_meshes_of_keypoints_may_be_of_manos_hand():
+    (note,) = (words for words in made().remarks() if "fitted to them" in words)
+    assert "the hand of --hand, by default ours" in note
+
+
 def test_the_csv_has_a_line_for_each_score(folder):
     with (folder / "scores.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
