@@ -54,8 +54,9 @@ class Options:
     """Folder of the weights of the preset's three stages, as `geneoh train` writes it; None for
     those that ship."""
     trust_object: bool = False
-    """Whether the object's poses are taken as exact: they are neither examined nor cleaned, and no
-    filter that the hand or the object went through is undone."""
+    """Whether the object's poses are taken as exact and their frame as still: they are neither
+    examined nor cleaned, and no filter that the hand or the object went through is undone, nor the
+    motion of a camera removed."""
     refine_object: bool = False
     """Whether the result has poses of the object that agree with the clean hands
     (`geneoh.objects.refine`) and not those of the input. It needs the examination of the object,
