@@ -121,6 +121,8 @@ class FittedHand:
         )
         touch = self.near.max() * self.poses
         seen = subject.trust > 0
+        apart_from_given = (joints - self.given_joints).norm(dim=-1)
+        of_frames = (apart_from_given * seen).sum(-1) / seen.sum(-1).clamp(min=1)
         doubts: Iterable[str] = ()
         if apart is not None and apart_before is not None and self.preset.has_object:
             given = HandAtObject(self.given_joints, apart_before)
@@ -132,7 +134,8 @@ class FittedHand:
             chosen=self.chosen,
             before=before,
             after=after,
-            moved=float((joints - self.given_joints).norm(dim=-1)[seen].mean()),
+            moved=float(apart_from_given[seen].mean()),
+            moved_most=float(of_frames.max()),
             windows=len(window_starts(subject.joints.shape[0])),
             contact=None if apart is None else finger_contact(apart, spread, touch),
             evidence=self.evidence,

@@ -68,6 +68,8 @@ class HandResult(Bundle):
     moved: float
     """Mean distance in metres between the keypoints of the input and of the result, over the
     observed frames, at 30 frames a second."""
+    moved_most: float
+    """The largest of the means over the keypoints of each of these frames, metres."""
     windows: int
     """Number of overlapping windows that the track was cut into."""
     seconds: dict[str, float] = field(compare=False)
@@ -92,7 +94,8 @@ class HandResult(Bundle):
     def lines(self) -> Iterator[str]:
         """What changed, and notes, for people to read."""
         yield from self.measures()
-        yield f"  keypoints moved by {1000 * self.moved:.1f} mm on average"
+        mean, most = 1000 * self.moved, 1000 * self.moved_most
+        yield f"  keypoints moved by {mean:.1f} mm on average, {most:.1f} mm in the frame with most"
         if count := int(self.filled.sum()):
             frames = numbered(count, "unobserved frame")
             yield f"  {frames} filled in; see {self.track.side}_filled in the file"

@@ -42,6 +42,13 @@ def whole(noisy) -> Denoised:
     return denoise(noisy)
 
 
+def test_the_result_tells_how_far_keypoints_moved_on_average_and_at_most(noisy, whole):
+    (hand,) = whole.hands.values()
+    apart = (hand.track.joints - noisy.hands[0].joints).norm(dim=-1)[~hand.filled]
+    assert hand.moved == pytest.approx(float(apart.mean()), rel=1e-3)
+    assert hand.moved_most == pytest.approx(float(apart.mean(-1).max()), rel=1e-3)
+
+
 def test_a_file_of_someone_else_is_replaced_only_on_demand(noisy, tmp_path):
     np.savez(tmp_path / "mine.npz", mine=np.ones(3))
     with pytest.raises(InputError, match="was not written by geneoh; pass overwrite=True"):

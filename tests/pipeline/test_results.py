@@ -20,7 +20,8 @@ def result(tmp_path):
     hand = next(iter(result.hands.values()))
     filled = torch.arange(sequence.frames) < 2
     samples = hand.samples.expand(3, -1, -1, -1)
-    hand = replace(hand, filled=filled, samples=samples, seconds={"fit": 1.25}, moved=0.012)
+    hand = replace(hand, filled=filled, samples=samples, seconds={"fit": 1.25})
+    hand = replace(hand, moved=0.012, moved_most=0.0971)
     return replace(
         result,
         hands={"right": hand},
@@ -38,7 +39,7 @@ def test_a_result_as_text_says_what_changed(result):
     ]
     assert "  penetration depth, mean               1.00 ->     0.50 mm" in lines
     assert lines[-5:] == [
-        "  keypoints moved by 12.0 mm on average",
+        "  keypoints moved by 12.0 mm on average, 97.1 mm in the frame with most",
         "  2 unobserved frames filled in; see right_filled in the file",
         "  note: a <note>",
         "depth of the hands in each other, deepest: 20.0 -> 0.00 mm",

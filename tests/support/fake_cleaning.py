@@ -48,6 +48,7 @@ def denoise(sequence: Sequence, options: geneoh.Options) -> Denoised:
         before=REPORT,
         after=replace(REPORT, penetration_mean_mm=0.5),
         moved=moved,
+        moved_most=2 * moved,
         windows=1,
         seconds={},
         notes=("a <note>",),

@@ -87,6 +87,7 @@ def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
         before=over_shots([part.before for part in parts]),
         after=over_shots([part.after for part in parts]),
         moved=moved,
+        moved_most=max(part.moved_most for part in parts),
         windows=sum(part.windows for part in parts),
         seconds=dict(sum((Counter(part.seconds) for part in parts), Counter())),
         notes=_said([part.notes for part in parts], shots),
