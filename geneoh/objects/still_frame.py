@@ -38,31 +38,51 @@ SELDOM = 0.1
 """Share of the frames in which an object rests from which on the camera stands still."""
 FREE_SECONDS = 1 / 3
 """Least time in which no hand moves with the object, for an estimate of the camera's motion."""
+CALM = 0.5
+"""Ratio of a palm's speed to that over the object, while no hand moves with it, below which the
+hand is calm and something else moves the object, such as a hand without a track."""
 RELIED = 0.4
 """Least mean reliability of the poses of each part: noise looks like motion of the camera too."""
 
 
 def still_frame(
-    hands: Iterable[HandTrack], motion: ObjectTrack, fps: float, relied: Float[Tensor, "T Q"]
+    hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float, relied: Float[Tensor, "T Q"]
 ) -> Rigid | None:
     """The pose of the given frame in the still frame, in each video frame; None where the given one
     seems to be still, or the object does not show its motion.
 
-    The camera moves where the object hardly ever rests, and moves while no hand moves with it. The
-    still frame is that of the first video frame. `motion` is the cleaned track, and `relied` the
-    reliability of its poses, 0 to 1 (`geneoh.objects.evidence`).
+    The still frame is that of the first video frame. `motion` is the cleaned track, and `relied`
+    the reliability of its poses, 0 to 1 (`geneoh.objects.evidence`).
     """
     if bool((relied.mean(0) < RELIED).any()):
         return None
     held = held_shares(hands, motion, fps)
+    return stilled(motion, held) if camera_moves(hands, motion, held, fps) else None
+
+
+def camera_moves(
+    hands: tuple[HandTrack, ...],
+    motion: ObjectTrack,
+    held: Float64[np.ndarray, "T Q"],
+    fps: float,
+) -> bool:
+    """Whether the object hardly ever rests, and moves while no hand moves with it, but not beside a
+    hand that keeps calm. `held` are its `held_shares`."""
     parts = range(motion.rotation.shape[1])
     speeds = np.stack([speed_of(placed_vertices(motion, part), fps) for part in parts], 1)
-    free = held.argmin(1)[:, None]
-    least, speed = (np.take_along_axis(x, free, 1)[:, 0] for x in (held, speeds))
-    is_free = least < 0.5
-    if (speeds < RESTING).any(1).mean() > SELDOM or is_free.sum() < FREE_SECONDS * fps:
-        return None
-    return stilled(motion, held) if np.median(speed[is_free]) > MOVING else None
+    if (speeds < RESTING).any(1).mean() > SELDOM:
+        return False
+    is_free = held.min(1) < 0.5
+    least = held[is_free].argmin(1)[:, None]
+    free = partial(np.take_along_axis, indices=least, axis=1)
+    if is_free.sum() < FREE_SECONDS * fps or np.median(free(speeds[is_free])) < MOVING:
+        return False
+    for hand in hands:
+        own = speed_of(filled_keypoints(hand)[:, list(PALM)], fps)[is_free]
+        over = free(palm_speeds(hand, motion, fps)[is_free])
+        if np.median(own) < CALM * np.median(over):
+            return False
+    return True
 
 
 def held_shares(
@@ -70,16 +90,24 @@ def held_shares(
 ) -> Float64[np.ndarray, "T Q"]:
     """Degree, 0 to 1, to which some hand is at each part and moves with it."""
     surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
+    smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
     for hand in hands:
         joints = filled_keypoints(hand)
-        smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
         points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
         near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
-        for part, (_, pose) in enumerate(surface.parts):
-            over = speed_of(pose.inverse().apply(joints[:, list(PALM)]), fps)
-            along = share_between(torch.from_numpy(over), WITH, OVER).numpy()
-            found[:, part] = np.maximum(found[:, part], near[:, part] * along)
+        over = torch.from_numpy(palm_speeds(hand, motion, fps))
+        found = np.maximum(found, near * share_between(over, WITH, OVER).numpy())
     return found
+
+
+def palm_speeds(hand: HandTrack, motion: ObjectTrack, fps: float) -> Float64[np.ndarray, "T Q"]:
+    """Speed of the palm over each part, metres per second."""
+    palm = filled_keypoints(hand)[:, list(PALM)]
+    poses = (
+        Rigid(motion.rotation[:, q], motion.translation[:, q])
+        for q in range(motion.rotation.shape[1])
+    )
+    return np.stack([speed_of(pose.inverse().apply(palm), fps) for pose in poses], 1)
 
 
 def speed_of(points: Float[Tensor, "T P 3"], fps: float) -> Float64[np.ndarray, " T"]:

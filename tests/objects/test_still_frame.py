@@ -110,6 +110,14 @@ def test_an_object_whose_poses_are_unreliable_shows_no_motion_of_the_camera():
     assert found(clip, relied=0.3) is None
 
 
+def test_a_hand_that_waits_while_something_else_moves_the_object_shows_no_camera():
+    clip = seen_by_head(KETTLE)
+    (hand,) = clip.hands
+    waits = replace(hand, joints=hand.joints[:1].expand(FRAMES, -1, -1) + 0.1)
+    assert found(replace(clip, hands=(waits,))) is None
+    assert found(replace(clip, hands=(hand,))) is not None
+
+
 def test_camera_rays_turn_with_the_hand():
     ray = torch.nn.functional.normalize(KETTLE.hands[0].joints[:, 0], dim=-1)
     clip = replace(KETTLE, hands=(replace(KETTLE.hands[0], camera_ray=ray),))
