@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import fmean
 
 from geneoh.generators.text2hoi.learning.text_training import KINDS, MEASURED, accuracy
-from geneoh.generators.text2hoi.networks.text import TextModel
+from geneoh.generators.text2hoi.networks.library import TextModel
 from geneoh.seeds import seeded_generator
 
 ROUNDS = 4

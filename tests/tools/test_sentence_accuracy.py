@@ -1,7 +1,7 @@
 import pytest
 
 from geneoh.generators.text2hoi.learning.text_training import KINDS
-from geneoh.generators.text2hoi.networks.text import shipped_model
+from geneoh.generators.text2hoi.networks.library import shipped_model
 from tools.sentence_accuracy import table
 
 
