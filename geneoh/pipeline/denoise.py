@@ -19,6 +19,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.openings import SHEET_THICKNESS
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import hand_of_betas
+from geneoh.hand.mano import mano_folder
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
@@ -37,6 +38,7 @@ from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
+from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.gaps import filled_poses, moved
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames, poses_over_frames, with_hands_earlier
@@ -107,6 +109,9 @@ def denoise(
     with undisturbed():
         taken = as_sequence(sequence, obj)
         sequence = checked_interaction(taken)
+        folder = mano_folder(options.mano_dir)
+        hands = tuple(with_keypoints(hand, folder) for hand in sequence.hands)
+        sequence = replace(sequence, hands=hands)
         if taken.object.meshes and taken.object.is_seen:
             sequence = with_hands_earlier(sequence, options.hand_delay)
         name = sequence.source.partition(" (")[0] or "the sequence"

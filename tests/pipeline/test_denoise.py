@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 import quick_presets
 import torch
+import trees
 
 import geneoh
 from geneoh.denoisers.library import SHIPPED
 from geneoh.errors import CheckpointError, InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
 from geneoh.metrics.smoothness import finite_difference, valid_differences
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.pipeline.denoise import denoise
@@ -47,6 +50,24 @@ def test_the_result_tells_how_far_keypoints_moved_on_average_and_at_most(noisy, 
     apart = (hand.track.joints - noisy.hands[0].joints).norm(dim=-1)[~hand.filled]
     assert hand.moved == pytest.approx(float(apart.mean()), rel=1e-3)
     assert hand.moved_most == pytest.approx(float(apart.mean(-1).max()), rel=1e-3)
+
+
+def test_a_pose_with_manos_betas_in_memory_gets_its_keypoints_by_mano(noisy, tmp_path):
+    folder = trees.write_mano(tmp_path / "mano")
+    short = noisy[:20]
+    bare = replace(
+        short.hands[0], joints=None, confidence=None, betas=torch.ones(10), hand_model="mano"
+    )
+    shaped = load_hand("left", source="mano", mano_dir=folder).shaped(bare.betas)
+    joints = shaped.joints_from_rotations(axis_angle_to_matrix(bare.pose), bare.wrist)
+    options = Options(preset="fast", mano_dir=folder)
+    found, told = (
+        denoise(replace(short, hands=(hand,)), options).sequence.hands[0].joints
+        for hand in (bare, replace(bare, joints=joints))
+    )
+    assert torch.equal(found, told)
+    alone = denoise(replace(short, hands=(bare,)), preset="fast").sequence.hands[0].joints
+    assert float((alone - told).norm(dim=-1).mean()) > 0.002
 
 
 def test_a_file_of_someone_else_is_replaced_only_on_demand(noisy, tmp_path):
