@@ -19,6 +19,7 @@ from bad_inputs import BOX_CORNERS, BOX_FACES, FRAMES, good_arrays, with_arrays,
 from click.testing import CliRunner
 from recorded_inputs import (
     beside,
+    by_a_moving_camera,
     cut,
     in_a_box,
     inverted,
@@ -351,6 +352,12 @@ SITUATIONS = [
         "The pose repeats a frame while the object moves",
         "repeats the one before, between two leaps, in 5 frames: taken as missing",
         with_repeated_poses,
+        code=0,
+    ),
+    Situation(
+        "The camera moves, and hand and object are in its frame",
+        "note: the camera moves: its motion was removed before the hand was cleaned",
+        by_a_moving_camera,
         code=0,
     ),
     Situation(

@@ -4,9 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import torch
 from bad_inputs import BOX_CORNERS, write_mesh
 
 import geneoh
+from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.objects.still_frame import placed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CLEAN, NOISY = EXAMPLES / "taco_clean.npz", EXAMPLES / "taco_noisy.npz"
@@ -84,6 +88,28 @@ def late(folder: Path) -> None:
     for name in ("left_joints", "left_pose", "left_wrist"):
         arrays[name] = np.concatenate([arrays[name][:1].repeat(6, 0), arrays[name][:-6]])
     write_example(folder, arrays)
+
+
+def by_a_moving_camera(folder: Path) -> None:
+    """The example recording in the frame of a camera that sways."""
+    sequence = geneoh.load(CLEAN, obj=OBJECT)
+    time = torch.arange(sequence.frames) / sequence.fps
+    waves = torch.stack([torch.sin(pace * time) for pace in (2.1, 2.9, 3.7)], 1)
+    sway = Rigid(axis_angle_to_matrix(0.25 * waves), 0.05 * waves)
+    seen = placed(sequence, sway)
+    (hand,), motion = seen.hands, seen.object
+    arrays = dict(np.load(CLEAN))
+    write_example(
+        folder,
+        arrays
+        | {
+            "left_joints": hand.joints.numpy(),
+            "left_pose": hand.pose.numpy(),
+            "left_wrist": hand.wrist.numpy(),
+            "object_rotation": motion.rotation.numpy(),
+            "object_translation": motion.translation.numpy(),
+        },
+    )
 
 
 def cut(folder: Path) -> None:
