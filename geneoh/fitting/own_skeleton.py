@@ -62,7 +62,8 @@ def own_skeleton(
     """The skeleton of keypoints, from the one-sample hand `state` that was fitted to them.
 
     Each rest offset is the model's plus the mean residual over frames, shrunk by the share that
-    scatter between frames explains. A single frame keeps the model's skeleton.
+    scatter between frames explains. A single frame keeps the model's skeleton, and so do bones
+    without trust at one end in every frame.
     """
     seen = trust.amax(-1) > 0
     turn, sure = state.rotations[0][seen], trust[seen].to(joints)
@@ -72,18 +73,19 @@ def own_skeleton(
     offset = (turn[:, 0].mT @ offset[..., None])[..., 0]
     weight = torch.cat([sure[:, :1], trust_of_bones(sure)], dim=1)[..., None]
     missed = torch.cat([offset[:, None], bones - shaped.offsets], dim=1)
-    kept = _lasting(missed, torch.where(weight.sum(0) > 0, weight, 1.0))
+    kept = _lasting(missed, weight)
     return OwnSkeleton(shaped.offsets + kept[1:], kept[0])
 
 
 def _lasting(
     missed: Float[Tensor, "T N 3"], weight: Float[Tensor, "T N 1"]
 ) -> Float[Tensor, "N 3"]:
-    """Weighted mean over frames, shrunk by the share of its square that sampling error explains."""
+    """Weighted mean over frames, shrunk by the share of its square that sampling error explains;
+    zero without weight."""
     count = weight.sum(0)
-    mean = (weight * missed).sum(0) / count
+    mean = (weight * missed).sum(0) / count.clamp(min=1e-6)
     spread = (weight * (missed - mean).square()).sum(0) / (count - 1).clamp(min=1e-6)
-    chance = CORRELATION_FRAMES * spread.sum(-1, keepdim=True) / count
+    chance = CORRELATION_FRAMES * spread.sum(-1, keepdim=True) / count.clamp(min=1e-6)
     square = mean.square().sum(-1, keepdim=True)
     share = ((square - chance) / square.clamp(min=1e-12)).clamp(min=0)
     return torch.where(count > 1, share, 0.0) * mean

@@ -1,6 +1,7 @@
 """The hand track that the stages work on: hand shape, keypoints and initial pose parameters."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import torch
@@ -8,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.errors import numbered
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.fitting.own_skeleton import OwnSkeleton, own_skeleton
 from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets, measured_lengths
@@ -87,6 +89,16 @@ class Subject(Bundle):
     def with_own_lengths(self, skeleton: OwnSkeleton) -> OwnSkeleton:
         """A skeleton with bones as long as those of the track's keypoints."""
         return skeleton.with_lengths(*measured_lengths(self.joints, self.trust))
+
+    def never_seen(self) -> Iterator[str]:
+        """A sentence about keypoints that no frame of the input has, and no pose determines."""
+        lost = torch.nonzero((self.trust == 0).all(0))[:, 0].tolist()
+        if self.start is None and lost:
+            yield (
+                f"{numbered(len(lost), 'keypoint')} that no frame has "
+                f"({', '.join(map(str, lost))}): estimated from the others, and maybe centimetres "
+                "off, more than the expected error tells"
+            )
 
     def completed(self, state: HandState) -> "Subject":
         """The subject with keypoints of zero trust replaced by those of the posed hand; filled

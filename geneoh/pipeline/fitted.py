@@ -142,6 +142,7 @@ class FittedHand:
             seconds=self.seconds,
             notes=(
                 *subject.notes,
+                *subject.never_seen(),
                 *(doubt(self.hand.frames_to_user(self.evidence)) if self.preset.has_object else ()),
                 *doubts,
                 *through_walls(before, after),

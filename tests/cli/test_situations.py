@@ -25,6 +25,7 @@ from recorded_inputs import (
     inverted,
     late,
     recorded,
+    recorded_keypoints,
     reflected_at_the_palm,
     transposed,
     with_faulty_frame,
@@ -38,6 +39,7 @@ from geneoh.readers.joint_orders import ORDERS
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reliability.md"
 RUN = "denoise hand.npz --obj object.obj --preset fast --steps 1"
+UNTIPPED = ~np.isin(np.arange(21), (4, 8, 12, 16, 20))[:, None]
 FRAME_BY_FRAME = np.arange(FRAMES, dtype=np.float32)[:, None, None]
 
 
@@ -239,6 +241,12 @@ SITUATIONS = [
         "NaN in single keypoints",
         "5 keypoints are NaN or at the origin in 1 of 6 frames",
         with_arrays(joints=with_tips(np.nan)),
+        code=0,
+    ),
+    Situation(
+        "Keypoints that no frame has, such as fingertips",
+        "note: 5 keypoints that no frame has (4, 8, 12, 16, 20): estimated from the others",
+        recorded(joints=np.where(UNTIPPED, recorded_keypoints(), np.nan)),
         code=0,
     ),
     Situation(
