@@ -10,7 +10,7 @@ from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning, tidied
 from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers.npz.files import load
-from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.gaps import fill_object, without_placeholders
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence, collapsed, without_collapsed
 
@@ -45,8 +45,8 @@ def own(values: Tensor, found: list[bool]) -> Tensor:
 
 
 def checked_interaction(sequence: Sequence) -> Sequence:
-    """The sequence with missing object poses filled, and without hand frames that are collapsed to
-    a point or all zero, and unused vertices.
+    """The sequence with missing object poses filled, and without placeholders of keypoints, hand
+    frames that are collapsed to a point or all zero, and unused vertices.
 
     Raises:
         InputError: the first fault that is found: a mesh without a surface or in another unit than
@@ -55,7 +55,7 @@ def checked_interaction(sequence: Sequence) -> Sequence:
     motion = sequence.object
     if (meshes := checked_meshes(motion.meshes, sequence.source)) != motion.meshes:
         motion = replace(motion, meshes=meshes)
-    hands = tuple(map(without_collapsed, sequence.hands))
+    hands = tuple(without_collapsed(without_placeholders(hand)) for hand in sequence.hands)
     sequence = replace(sequence, hands=hands, object=fill_object(motion))
     check_sequence(sequence, sequence.source)
     return sequence

@@ -137,6 +137,28 @@ def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
     return replace(filled, joints=joints)
 
 
+def without_placeholders(hand: HandTrack) -> HandTrack:
+    """The track with keypoints that have no confidence in a frame with a hand interpolated over
+    time, because their values may be placeholders such as zeros or NaN.
+
+    One that never has any is at the mean of the others. The confidence stays.
+    """
+    if hand.joints is None or hand.confidence is None:
+        return hand
+    trusted = hand.trust > 0
+    empty = hand.observed[:, None] & ~trusted
+    if not bool(empty.any()):
+        return hand
+    joints = hand.joints.clone()
+    sums = torch.where(trusted[..., None], joints, 0.0).sum(1)
+    middle = sums / trusted.sum(1, keepdim=True).clamp(min=1)
+    for point in torch.nonzero(empty.any(0))[:, 0].tolist():
+        known = trusted[:, point]
+        path = observed_around(known).points(joints[:, point]) if bool(known.any()) else middle
+        joints[:, point] = torch.where(empty[:, point, None], path, joints[:, point])
+    return replace(hand, joints=joints)
+
+
 def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     """Keypoints of a track, metres, world frame; frames without any trusted one are filled."""
     return keypoints_of(fill_gaps(replace(hand, valid=hand.observed)))

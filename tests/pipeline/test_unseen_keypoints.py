@@ -45,6 +45,21 @@ def test_keypoints_that_no_frame_has_are_estimated_from_the_others(short, points
     assert any(said.startswith(note) for said in result.hands["left"].notes)
 
 
+@pytest.mark.parametrize("place", [0.0, 0.3, torch.nan])
+def test_values_without_confidence_do_not_count(short, place):
+    drawn = torch.rand(short.frames, 21, generator=torch.Generator().manual_seed(0))
+    confidence, hand = (drawn > 0.7).float(), short.hands[0]
+    given, spoilt = (
+        HandTrack(hand.side, hand.valid, joints=joints, confidence=confidence)
+        for joints in (hand.joints, hand.joints.masked_fill(confidence[..., None] == 0, place))
+    )
+    one, other = (
+        geneoh.denoise(replace(short, hands=(each,)), preset="fast") for each in (given, spoilt)
+    )
+    assert torch.equal(one.sequence.hands[0].joints, other.sequence.hands[0].joints)
+    assert one.doubts == other.doubts
+
+
 def test_a_hand_with_all_keypoints_or_a_pose_has_no_such_note(short):
     pose = replace(short.hands[0], confidence=torch.ones(short.frames, 21))
     pose.confidence[:, 4] = 0.0

@@ -14,6 +14,7 @@ from geneoh.sequence.gaps import (
     filled_poses,
     moved,
     observed_around,
+    without_placeholders,
 )
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
@@ -166,3 +167,26 @@ def test_a_hand_that_is_carried_at_one_end_of_a_gap_alone_leaves_its_carrier():
     expected = still.joints + (whole.joints - still.joints) / 3
     torch.testing.assert_close(found.joints[2], expected[2], rtol=0, atol=1e-6)
     assert fill_gaps(hand, carried([0.0] * T)).joints.equal(still.joints)
+
+
+def test_placeholders_are_interpolated_and_never_seen_keypoints_are_amid_the_others():
+    joints = torch.arange(5.0)[:, None, None].expand(5, 21, 3).clone()
+    joints[:, 1] += 10.0
+    confidence = torch.ones(5, 21)
+    confidence[1:3, 4], confidence[:, 8], confidence[4] = 0.0, 0.0, 0.0
+    spoilt = joints.masked_fill(confidence[..., None] == 0, torch.nan)
+    valid = torch.ones(5, dtype=torch.bool)
+    found = without_placeholders(HandTrack("right", valid, joints=spoilt, confidence=confidence))
+    torch.testing.assert_close(found.joints[:4, 4], joints[:4, 4])
+    torch.testing.assert_close(
+        found.joints[0, 8], joints[0, [p for p in range(21) if p != 8]].mean(0)
+    )
+    assert bool(found.joints[4].isnan().all())  # a frame without a hand
+    assert torch.equal(found.confidence, confidence)
+
+
+def test_a_track_without_placeholders_stays_as_it_is():
+    joints, valid = torch.zeros(3, 21, 3), torch.ones(3, dtype=torch.bool)
+    for confidence in (None, torch.ones(3, 21)):
+        hand = HandTrack("right", valid, joints=joints, confidence=confidence)
+        assert without_placeholders(hand) is hand

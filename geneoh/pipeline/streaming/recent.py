@@ -35,7 +35,7 @@ from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.streaming.recent_place import ChangingShift, RecentRun
 from geneoh.pipeline.touch import finger_contact, fingers_apart
 from geneoh.progress import timed
-from geneoh.sequence.gaps import fill_gaps, fill_object
+from geneoh.sequence.gaps import fill_gaps, fill_object, without_placeholders
 from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import WINDOW
@@ -111,7 +111,8 @@ class RecentHand:
             self._ready.extend([None] * (stop - self._done))
             self._done, self._out, self._target = stop, None, None
             return
-        first, whole, motion = self._pushed - track.frames, track, fill_object(motion)
+        track, motion = without_placeholders(track), fill_object(motion)
+        first, whole = self._pushed - track.frames, track
         track, _ = without_faults_of(track, NETWORK_FPS, motion)
         surface = self._placed(motion)
         subject = self._subject(track, surface)
