@@ -6,10 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import torch
-from jaxtyping import Float
-from torch import Tensor
-
 from geneoh.arguments import checked_call
 from geneoh.choices import Side
 from geneoh.denoisers.library import load_denoisers
@@ -17,45 +13,31 @@ from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.openings import SHEET_THICKNESS
-from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.mano import mano_folder
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.refine import refine_object
-from geneoh.objects.still_frame import placed, placed_hand, still_frame
-from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.following import without_following
-from geneoh.pipeline.examination.rays import with_found_rays
 from geneoh.pipeline.examination.shots import common_shots, joined_shots, told_of
 from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
+from geneoh.pipeline.preparation import Prepared, prepared
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
 from geneoh.readers.npz.hands import with_keypoints
-from geneoh.sequence.gaps import filled_poses, moved
-from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.resample import nearest_frames, poses_over_frames, with_hands_earlier
+from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
+from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LOG = logging.getLogger(__name__)
 
-NO_OBJECT = (
-    "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
-    "alone, and nothing is known of contact; --obj MESH names a mesh"
-)
-OF_AN_OBJECT = ("trust_object", "refine_object", "hand_delay")
-"""Options that have no effect without an object."""
-MOVING_CAMERA = (
-    "the camera moves: its motion was removed before the hand was cleaned, by the object while no "
-    "hand moves with it, and accelerations are measured without it"
-)
 POSES = "rotation", "translation"
 EXACT = "poses of the object are left as they are (--refine-object): they count as exact"
 OF_OTHER_POSES = (
@@ -154,57 +136,23 @@ def clean_interaction(
     sequence: Sequence, options: Options, on_progress: OnProgress | None = None
 ) -> Denoised:
     """Clean a sequence that has been checked; see `denoise`."""
-    chosen = options.resolved()
+    ready = prepared(sequence, options)
+    chosen, examination = ready.preset, ready.examined.examination
     denoisers = load_denoisers(options.weights, device=options.device, paper=not chosen.observed)
-    notes = [sequence.left_out] if sequence.left_out else []
-    motion = sequence.object
-    if not motion.meshes or not motion.is_seen:
-        motion = replace(motion, meshes=())
-        chosen = chosen.alone()
-        notes.append(NO_OBJECT)
-        notes += [
-            f"--{name.replace('_', '-')} had no effect: it needs mesh and poses of an object"
-            for name in OF_AN_OBJECT
-            if getattr(options, name)
-        ]
-    notes += filled_poses(motion) if chosen.has_object else ()
-    ready = Examined(sequence.hands, motion, torch.ones(len(motion.rotation), 1))
-    if chosen.clean_object:
-        ready = examined(sequence.hands, motion, sequence.fps)
-    sequence = replace(sequence, hands=ready.hands)
-    seen, ray_notes = with_found_rays(replace(sequence, object=ready.met), chosen)
-    notes += [*ready.notes, *ray_notes]
-    still = None
-    if chosen.clean_object:
-        still = still_frame(seen.hands, seen.object, seen.fps, ready.relied)
-    undone = ready.undone
-    if still is not None:
-        seen = placed(seen, still)
-        undone = tuple(placed_hand(hand, still) for hand in undone)
-        notes.append(MOVING_CAMERA)
-    normalised = normalised_hands(seen)
-    if normalised[0].track.frames != sequence.frames:
-        how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
-        notes.append(
-            f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back: measures, "
-            f"and how far keypoints moved, are at {NETWORK_FPS:g}, on a page at {sequence.fps:g}"
-        )
-    examination = ready.examination
     noise = None if examination is None else examination.white_noise
     run = HandRun(denoisers, chosen, noise, options.seed, on_progress)
-    raw = normalised_hands(replace(seen, hands=undone)) if undone else ()
-    fitted, in_each_other = kept_apart(_fitted(normalised, raw, ready.relied, run, options))
-    notes += open_meshes(motion, fitted[0].surface)
+    fitted, in_each_other = kept_apart(_fitted(ready, run, options))
+    notes = [*ready.notes, *open_meshes(ready.examined.object, fitted[0].surface)]
     results: dict[Side, HandResult] = {
-        hand.side: _as_given(found.result(), hand, sequence.hand(hand.side), still)
-        for found, hand in zip(fitted, normalised, strict=True)
+        hand.side: ready.as_given(found.result(), hand)
+        for found, hand in zip(fitted, ready.hands, strict=True)
     }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
     kept = sequence.object
     if options.refine_object and examination is not None:
-        kept = refine_object(ready.object, examination, hands, sequence.fps)
+        kept = refine_object(ready.examined.object, examination, hands, sequence.fps)
         notes += [EXACT] if _same_poses(kept, sequence.object) else []
-    elif not _same_poses(ready.object, kept):
+    elif not _same_poses(ready.examined.object, kept):
         notes.append(OF_OTHER_POSES)
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examination, in_each_other)
@@ -230,41 +178,16 @@ def open_meshes(motion: ObjectTrack, surface: MovingSurface | None) -> Iterator[
             )
 
 
-def _fitted(
-    hands: tuple[NormalisedHand, ...],
-    undone: tuple[NormalisedHand, ...],
-    relied: Float[Tensor, "T Q"],
-    run: HandRun,
-    options: Options,
-) -> list[FittedHand]:
+def _fitted(ready: Prepared, run: HandRun, options: Options) -> list[FittedHand]:
     """Each hand after its fit, on `options.device`; see `HandRun.fitted`."""
-    tracks = {hand.side: hand.track for hand in undone}
+    relied = ready.examined.relied
+    tracks = {hand.side: hand.track for hand in ready.undone}
     fitted: list[FittedHand] = []
-    for hand in hands:
-        moved = hand.to(options.device)
+    for hand in ready.hands:
+        there = hand.to(options.device)
         at = relied[nearest_frames(len(relied), hand.track.frames)].to(options.device)
-        fitted.append(run.fitted(moved, _model(moved, options), at, tracks.get(hand.side)))
+        fitted.append(run.fitted(there, _model(there, options), at, tracks.get(hand.side)))
     return fitted
-
-
-def _as_given(
-    result: HandResult, hand: NormalisedHand, given: HandTrack, still: Rigid | None
-) -> HandResult:
-    """The result of a normalised hand at the frame rate, side and position of the input track, and
-    in its frame, which is at the poses `still` in the frame of the result."""
-    result = result.to(given.valid.device)
-    track, samples = hand.track_to_user(result.track), hand.points_to_user(result.samples)
-    if still is not None:
-        track = moved(track, still.inverse())
-        samples = poses_over_frames(still, samples.shape[1]).inverse().apply(samples)
-    return replace(
-        result,
-        track=replace(track, camera_ray=given.camera_ray),
-        filled=~given.observed,
-        samples=samples,
-        contact=None if result.contact is None else hand.frames_to_user(result.contact),
-        evidence=hand.frames_to_user(result.evidence),
-    )
 
 
 def _model(hand: NormalisedHand, options: Options) -> HandModel:

@@ -1,0 +1,107 @@
+"""What the stages see of a checked sequence, and how their results are given back."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+
+from geneoh.geometry.rigid import Rigid
+from geneoh.objects.still_frame import placed, placed_hand, still_frame
+from geneoh.pipeline.examination.examined import Examined, examined
+from geneoh.pipeline.examination.rays import with_found_rays
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.presets import Preset
+from geneoh.pipeline.results import HandResult
+from geneoh.sequence.gaps import filled_poses, moved
+from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
+from geneoh.sequence.resample import poses_over_frames
+from geneoh.sequence.sequence import Sequence
+
+NO_OBJECT = (
+    "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
+    "alone, and nothing is known of contact; --obj MESH names a mesh"
+)
+OF_AN_OBJECT = ("trust_object", "refine_object", "hand_delay")
+"""Options that have no effect without an object."""
+MOVING_CAMERA = (
+    "the camera moves: its motion was removed before the hand was cleaned, by the object while no "
+    "hand moves with it, and accelerations are measured without it"
+)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Input of the stages."""
+
+    hands: tuple[NormalisedHand, ...]
+    undone: tuple[NormalisedHand, ...]
+    """The input tracks of the hands in which a filter was undone."""
+    examined: Examined
+    given: Sequence
+    """The input with a filter undone in its hands, whose frame and frames results get."""
+    still: Rigid | None
+    """Pose of the given frame in that of the stages, in each frame; None where they are one."""
+    preset: Preset
+    notes: tuple[str, ...]
+    """Assumptions about the sequence, as sentences."""
+
+    def as_given(self, result: HandResult, hand: NormalisedHand) -> HandResult:
+        """The result of a normalised hand at the rate, side, frame and device of the input."""
+        given = self.given.hand(hand.side)
+        result = result.to(given.valid.device)
+        track, samples = hand.track_to_user(result.track), hand.points_to_user(result.samples)
+        if self.still is not None:
+            track = moved(track, self.still.inverse())
+            samples = poses_over_frames(self.still, samples.shape[1]).inverse().apply(samples)
+        return replace(
+            result,
+            track=replace(track, camera_ray=given.camera_ray),
+            filled=~given.observed,
+            samples=samples,
+            contact=None if result.contact is None else hand.frames_to_user(result.contact),
+            evidence=hand.frames_to_user(result.evidence),
+        )
+
+
+def prepared(sequence: Sequence, options: Options) -> Prepared:
+    """A checked sequence as the stages see it."""
+    chosen, motion = options.resolved(), sequence.object
+    notes = [sequence.left_out] if sequence.left_out else []
+    if not motion.meshes or not motion.is_seen:
+        motion, chosen = replace(motion, meshes=()), chosen.alone()
+        notes += [NO_OBJECT, *idle_options(options)]
+    notes += filled_poses(motion) if chosen.has_object else ()
+    ready = Examined(sequence.hands, motion, torch.ones(len(motion.rotation), 1))
+    if chosen.clean_object:
+        ready = examined(sequence.hands, motion, sequence.fps)
+    given = replace(sequence, hands=ready.hands)
+    seen, ray_notes = with_found_rays(replace(given, object=ready.met), chosen)
+    notes += [*ready.notes, *ray_notes]
+    still, undone = None, ready.undone
+    if chosen.clean_object:
+        still = still_frame(seen.hands, seen.object, seen.fps, ready.relied)
+    if still is not None:
+        seen, undone = placed(seen, still), tuple(placed_hand(hand, still) for hand in undone)
+        notes.append(MOVING_CAMERA)
+    hands = normalised_hands(seen)
+    raw = normalised_hands(replace(seen, hands=undone)) if undone else ()
+    if hands[0].track.frames != sequence.frames:
+        notes.append(rate_note(sequence.fps))
+    return Prepared(hands, raw, ready, given, still, chosen, tuple(notes))
+
+
+def idle_options(options: Options) -> Iterator[str]:
+    """A sentence for each option that has no effect without an object."""
+    for name in OF_AN_OBJECT:
+        if getattr(options, name):
+            option = f"--{name.replace('_', '-')}"
+            yield f"{option} had no effect: it needs mesh and poses of an object"
+
+
+def rate_note(fps: float) -> str:
+    """A sentence about a sequence of another frame rate than that of the networks."""
+    how = "averaged" if fps > NETWORK_FPS else "resampled"
+    return (
+        f"{how} from {fps:g} to {NETWORK_FPS:g} frames a second and back: measures, and how far "
+        f"keypoints moved, are at {NETWORK_FPS:g}, on a page at {fps:g}"
+    )
