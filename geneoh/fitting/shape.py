@@ -1,7 +1,7 @@
 """Hand shape (betas) of a sequence, from the rest skeleton or from bone lengths."""
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.hand.model import HandModel
@@ -21,9 +21,14 @@ def _skeleton_basis(model: HandModel) -> tuple[Float[Tensor, "20 3"], Float[Tens
     return mean, (each - mean).permute(1, 2, 0)
 
 
-def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Float[Tensor, " S"]:
-    """Betas whose rest skeleton is nearest to the given one, under a standard normal prior."""
+def betas_from_offsets(
+    model: HandModel, offsets: Float[Tensor, "20 3"], known: Bool[Tensor, " 20"] | None = None
+) -> Float[Tensor, " S"]:
+    """Betas whose rest skeleton is nearest to the given one, under a standard normal prior; of the
+    offsets only those `known` count."""
     mean, basis = _skeleton_basis(model)
+    if known is not None:
+        mean, basis, offsets = mean[known], basis[known], offsets[known]
     rows = basis.flatten(0, 1) / OFFSET_STD
     wanted = (offsets - mean).flatten() / OFFSET_STD
     eye = torch.eye(basis.shape[-1]).to(basis)

@@ -137,7 +137,7 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
     else:
         joints = posed = filled.joints
         if rotations is not None:
-            skeleton = rest_offsets(rotations, joints, trust)
+            skeleton = _skeleton(rotations, joints, trust, model, known)
             posed = _posed(rotations, joints, trust, skeleton)
             misfit = (trust * (posed - joints).norm(dim=-1)).sum() / trust.sum()
             if misfit > POSE_MISFIT:
@@ -157,6 +157,24 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
     offsets = shaped.offsets if skeleton is None else skeleton
     start = None if rotations is None else HandState(rotations[None], posed[None, :, 0])
     return Subject(shaped, betas, offsets[None], joints, trust, start, tuple(notes))
+
+
+def _skeleton(
+    rotations: Float[Tensor, "T 16 3 3"],
+    joints: Float[Tensor, "T 21 3"],
+    trust: Float[Tensor, "T 21"],
+    model: HandModel,
+    betas: Float[Tensor, " S"] | None,
+) -> Float[Tensor, "20 3"]:
+    """Rest offsets by pose and joints; of bones without trust at one end in every frame those of
+    the model, with these betas or those that fit the other bones."""
+    found = rest_offsets(rotations, joints, trust)
+    known = trust_of_bones(trust).amax(0) > 0
+    if bool(known.all()):
+        return found
+    if betas is None:
+        betas = betas_from_offsets(model, found, known)
+    return torch.where(known[:, None], found, model.shaped(betas).offsets)
 
 
 def _posed(

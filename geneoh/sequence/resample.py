@@ -90,7 +90,7 @@ def hand_over_frames(hand: HandTrack, frames: int) -> HandTrack:
     if frames == hand.frames:
         return hand
     between = evenly(hand.frames, frames, hand.valid.device)
-    valid = without_short_gaps(hand.valid, between)[between.nearest]
+    valid = seen_at(hand.valid, between)
     filled = blendable(hand)
     curved = CurvedInterpolation(**vars(between)).hand(filled, valid)
     straight = between.hand(filled, valid)
@@ -187,10 +187,19 @@ def _interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
         valid=None if sequence.object.valid is None else sequence.object.valid[nearest],
     )
     hands = tuple(
-        between.hand(hand, without_short_gaps(hand.valid, between)[nearest])
-        for hand in map(blendable, sequence.hands)
+        between.hand(hand, seen_at(hand.valid, between)) for hand in map(blendable, sequence.hands)
     )
     return replace(sequence, hands=hands, object=motion)
+
+
+def seen_at(valid: Bool[Tensor, " T"], between: FrameInterpolation) -> Bool[Tensor, " N"]:
+    """Instants whose nearest frame is valid or in a short gap; if there is none, those nearest to
+    the valid frames, so that a hand in a single frame is not lost."""
+    found = without_short_gaps(valid, between)[between.nearest]
+    if bool(valid.any()) and not bool(found.any()):
+        time, seen = between.before + between.fraction, torch.nonzero(valid)
+        found[(time - seen).abs().argmin(1)] = True
+    return found
 
 
 def without_short_gaps(

@@ -45,6 +45,15 @@ def test_keypoints_that_no_frame_has_are_estimated_from_the_others(short, points
     assert any(said.startswith(note) for said in result.hands["left"].notes)
 
 
+@pytest.mark.parametrize("points", UNSEEN.values(), ids=list(UNSEEN))
+def test_a_pose_places_keypoints_that_no_frame_has(short, points):
+    (bare,) = without(short, points, 0.0).hands
+    hand = replace(short.hands[0], joints=bare.joints, confidence=bare.confidence)
+    result = geneoh.denoise(replace(short, hands=(hand,)), preset="fast")
+    apart = (result.sequence.hands[0].joints - short.hands[0].joints).norm(dim=-1).mean(0)
+    assert float(apart.max()) < 0.012
+
+
 @pytest.mark.parametrize("place", [0.0, 0.3, torch.nan])
 def test_values_without_confidence_do_not_count(short, place):
     drawn = torch.rand(short.frames, 21, generator=torch.Generator().manual_seed(0))

@@ -4,7 +4,12 @@ import pytest
 import torch
 
 from geneoh.errors import InputError
-from geneoh.sequence.resample import at_rate, over_frames, with_hands_earlier
+from geneoh.sequence.resample import (
+    at_rate,
+    hand_over_frames,
+    over_frames,
+    with_hands_earlier,
+)
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 
@@ -135,3 +140,12 @@ def test_a_lost_frame_is_one_lost_frame_under_a_delay_of_half_a_frame(lost):
 def test_a_delay_that_leaves_no_hand_is_refused(delay):
     with pytest.raises(InputError, match="leaves no frame of 20 with a hand"):
         with_hands_earlier(steady(20, 30.0), delay)
+
+
+def test_a_hand_in_a_single_frame_is_not_lost_at_a_lower_rate():
+    joints = torch.arange(30.0)[:, None, None].expand(30, 21, 3)
+    valid = torch.arange(30) == 14
+    hand = HandTrack("right", valid, joints=joints)
+    fine = Sequence((hand,), ObjectTrack.resting((), 30), 120.0)
+    for coarse in (at_rate(fine, 30.0).hands[0], hand_over_frames(hand, 8)):
+        assert coarse.valid.nonzero()[:, 0].tolist() == [3]
