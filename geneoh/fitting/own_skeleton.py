@@ -82,10 +82,10 @@ def _lasting(
 ) -> Float[Tensor, "N 3"]:
     """Weighted mean over frames, shrunk by the share of its square that sampling error explains;
     zero without weight."""
-    count = weight.sum(0)
-    mean = (weight * missed).sum(0) / count.clamp(min=1e-6)
+    count = weight.sum(0).clamp(min=1e-6)
+    mean = (weight * missed).sum(0) / count
     spread = (weight * (missed - mean).square()).sum(0) / (count - 1).clamp(min=1e-6)
-    chance = CORRELATION_FRAMES * spread.sum(-1, keepdim=True) / count.clamp(min=1e-6)
+    chance = CORRELATION_FRAMES * spread.sum(-1, keepdim=True) / count
     square = mean.square().sum(-1, keepdim=True)
     share = ((square - chance) / square.clamp(min=1e-12)).clamp(min=0)
     return torch.where(count > 1, share, 0.0) * mean

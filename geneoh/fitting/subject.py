@@ -15,7 +15,7 @@ from geneoh.fitting.own_skeleton import OwnSkeleton, own_skeleton
 from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets, measured_lengths
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.hand.mano import MANO_NAMES
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets, trust_of_bones
 from geneoh.sequence.gaps import Carrier, blendable
@@ -130,7 +130,7 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
             lacks, cure = "joints and betas", ""
             if track.betas is not None:
                 lacks = "joints and its betas belong to another hand model"
-                if track.hand_model in (MENDED, AS_SHIPPED):
+                if track.hand_model in MANO_NAMES:
                     cure = "; --hand mano takes them"
             notes.append(f"the pose comes without {lacks}: the mean hand is used{cure}")
         joints = posed = model.shaped(known).joints_from_rotations(rotations, filled.wrist)

@@ -9,7 +9,7 @@ from typing_extensions import assert_never
 
 from geneoh.choices import SIDES, HandSource, Side
 from geneoh.hand.embedded import embedded_hand
-from geneoh.hand.mano import AS_SHIPPED, MENDED, load_mano
+from geneoh.hand.mano import AS_SHIPPED, MANO_NAMES, MENDED, load_mano
 from geneoh.hand.model import HandModel, ShapedHand
 
 
@@ -53,7 +53,7 @@ def hand_of_betas(
     if asked == MENDED and hand_model == AS_SHIPPED:
         asked = AS_SHIPPED
     if asked is None:
-        asked = hand_model if hand_model in (MENDED, AS_SHIPPED) else "embedded"
+        asked = hand_model if hand_model in MANO_NAMES else "embedded"
     return load_hand(side, source=asked, mano_dir=mano_dir)
 
 

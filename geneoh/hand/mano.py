@@ -41,6 +41,7 @@ SAME_SHAPE = 1e-6
 ManoName = Literal["mano", "mano-as-shipped"]
 MENDED: ManoName = "mano"
 AS_SHIPPED: ManoName = "mano-as-shipped"
+MANO_NAMES = MENDED, AS_SHIPPED
 
 
 def name_of(side: Side, name: ManoName) -> ManoName:

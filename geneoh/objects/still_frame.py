@@ -7,7 +7,6 @@ moves with it. While a hand does, the motions of camera and object cannot be dis
 camera counts as still.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 
@@ -51,62 +50,66 @@ def still_frame(
     """The pose of the given frame in the still frame, in each video frame; None where the given one
     seems to be still, or the object does not show its motion.
 
+    An object that rests now and then shows that the camera is still; else `camera_moves` decides.
     The still frame is that of the first video frame. `motion` is the cleaned track, and `relied`
     the reliability of its poses, 0 to 1 (`geneoh.objects.evidence`).
     """
-    if bool((relied.mean(0) < RELIED).any()):
+    parts = range(motion.rotation.shape[1])
+    speeds = np.stack([speed_of(placed_vertices(motion, part), fps) for part in parts], 1)
+    rests = (speeds < RESTING).any(1).mean() > SELDOM
+    if rests or bool((relied.mean(0) < RELIED).any()):
         return None
-    held = held_shares(hands, motion, fps)
-    return stilled(motion, held) if camera_moves(hands, motion, held, fps) else None
+    tracks = [filled_keypoints(hand) for hand in hands]
+    held = held_shares(tracks, motion, fps)
+    return stilled(motion, held) if camera_moves(tracks, motion, held, speeds, fps) else None
 
 
 def camera_moves(
-    hands: tuple[HandTrack, ...],
+    tracks: list[Float[Tensor, "T 21 3"]],
     motion: ObjectTrack,
     held: Float64[np.ndarray, "T Q"],
+    speeds: Float64[np.ndarray, "T Q"],
     fps: float,
 ) -> bool:
-    """Whether the object hardly ever rests, and moves while no hand moves with it, but not beside a
-    hand that keeps calm. `held` are its `held_shares`."""
-    parts = range(motion.rotation.shape[1])
-    speeds = np.stack([speed_of(placed_vertices(motion, part), fps) for part in parts], 1)
-    if (speeds < RESTING).any(1).mean() > SELDOM:
-        return False
+    """Whether the object moves while no hand moves with it, but not beside a hand that keeps calm.
+
+    `tracks` are the keypoints of the hands, `held` their `held_shares`, and `speeds` those of the
+    object's parts, metres per second.
+    """
     is_free = held.min(1) < 0.5
     least = held[is_free].argmin(1)[:, None]
     free = partial(np.take_along_axis, indices=least, axis=1)
     if is_free.sum() < FREE_SECONDS * fps or np.median(free(speeds[is_free])) < MOVING:
         return False
-    for hand in hands:
-        own = speed_of(filled_keypoints(hand)[:, list(PALM)], fps)[is_free]
-        over = free(palm_speeds(hand, motion, fps)[is_free])
+    for joints in tracks:
+        own = speed_of(joints[:, list(PALM)], fps)[is_free]
+        over = free(palm_speeds(joints, motion, fps)[is_free])
         if np.median(own) < CALM * np.median(over):
             return False
     return True
 
 
 def held_shares(
-    hands: Iterable[HandTrack], motion: ObjectTrack, fps: float
+    tracks: list[Float[Tensor, "T 21 3"]], motion: ObjectTrack, fps: float
 ) -> Float64[np.ndarray, "T Q"]:
-    """Degree, 0 to 1, to which some hand is at each part and moves with it."""
+    """Degree, 0 to 1, to which some hand is at each part and moves with it, by the keypoints of the
+    hands."""
     surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
     smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
-    for hand in hands:
-        joints = filled_keypoints(hand)
+    for joints in tracks:
         points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
         near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
-        over = torch.from_numpy(palm_speeds(hand, motion, fps))
+        over = torch.from_numpy(palm_speeds(joints, motion, fps))
         found = np.maximum(found, near * share_between(over, WITH, OVER).numpy())
     return found
 
 
-def palm_speeds(hand: HandTrack, motion: ObjectTrack, fps: float) -> Float64[np.ndarray, "T Q"]:
+def palm_speeds(
+    joints: Float[Tensor, "T 21 3"], motion: ObjectTrack, fps: float
+) -> Float64[np.ndarray, "T Q"]:
     """Speed of the palm over each part, metres per second."""
-    palm = filled_keypoints(hand)[:, list(PALM)]
-    poses = (
-        Rigid(motion.rotation[:, q], motion.translation[:, q])
-        for q in range(motion.rotation.shape[1])
-    )
+    poses = map(Rigid, motion.rotation.unbind(1), motion.translation.unbind(1))
+    palm = joints[:, list(PALM)]
     return np.stack([speed_of(pose.inverse().apply(palm), fps) for pose in poses], 1)
 
 

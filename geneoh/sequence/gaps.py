@@ -131,10 +131,7 @@ def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
     lost = (~trusted[seen]).any(0) & trusted.any(0)
     if filled.joints is None or not bool(lost.any()):
         return filled
-    joints = filled.joints.clone()
-    for point in torch.nonzero(lost)[:, 0].tolist():
-        joints[:, point] = observed_around(trusted[:, point]).points(joints[:, point])
-    return replace(filled, joints=joints)
+    return replace(filled, joints=over_time(filled.joints, trusted, lost))
 
 
 def without_placeholders(hand: HandTrack) -> HandTrack:
@@ -149,14 +146,23 @@ def without_placeholders(hand: HandTrack) -> HandTrack:
     empty = hand.observed[:, None] & ~trusted
     if not bool(empty.any()):
         return hand
-    joints = hand.joints.clone()
-    sums = torch.where(trusted[..., None], joints, 0.0).sum(1)
-    middle = sums / trusted.sum(1, keepdim=True).clamp(min=1)
-    for point in torch.nonzero(empty.any(0))[:, 0].tolist():
-        known = trusted[:, point]
-        path = observed_around(known).points(joints[:, point]) if bool(known.any()) else middle
-        joints[:, point] = torch.where(empty[:, point, None], path, joints[:, point])
-    return replace(hand, joints=joints)
+    known = trusted.any(0)
+    path = over_time(hand.joints, trusted, empty.any(0) & known)
+    sums = torch.where(trusted[..., None], path, 0.0).sum(1, keepdim=True)
+    middle = sums / trusted.sum(1).clamp(min=1)[:, None, None]
+    path = torch.where(known[:, None], path, middle)
+    return replace(hand, joints=torch.where(empty[..., None], path, hand.joints))
+
+
+def over_time(
+    joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"], points: Bool[Tensor, " 21"]
+) -> Float[Tensor, "T 21 3"]:
+    """Keypoints, some `points` of which are interpolated linearly between the frames in which they
+    are trusted; each of these is trusted in some frame."""
+    joints = joints.clone()
+    for point in torch.nonzero(points)[:, 0].tolist():
+        joints[:, point] = observed_around(trusted[:, point]).points(joints[:, point])
+    return joints
 
 
 def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:

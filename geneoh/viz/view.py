@@ -18,7 +18,7 @@ from geneoh.config import as_field_type
 from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.npz import Arrays
-from geneoh.hand.mano import AS_SHIPPED, MENDED, refuse_without_mano
+from geneoh.hand.mano import MANO_NAMES, refuse_without_mano
 from geneoh.modes import undisturbed
 from geneoh.pipeline.results import (
     FROM_ARRAYS,
@@ -220,9 +220,8 @@ def filled_notes(filled: dict[Side, Bool[Tensor, " T"]]) -> Iterator[str]:
 def fitted_notes(scene: Scene, last: Sequence) -> Iterator[str]:
     """Which hands of the last version have MANO's betas and are shown as our hand."""
     for hand in scene.versions[-1].hands:
-        track, of_mano = last.hand(hand.side), (MENDED, AS_SHIPPED)
-        is_ours = hand.model.name not in of_mano
-        if track.betas is not None and track.hand_model in of_mano and is_ours:
+        track, is_ours = last.hand(hand.side), hand.model.name not in MANO_NAMES
+        if track.betas is not None and track.hand_model in MANO_NAMES and is_ours:
             yield (
                 f"{hand.side} hand: its betas are MANO's, whose file is not there, so our hand is "
                 "fitted to it and shown, some millimetres off; --mano FOLDER shows MANO's"

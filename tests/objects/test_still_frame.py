@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from short_clips import example
@@ -14,9 +15,10 @@ from geneoh.objects.still_frame import held_shares, placed, still_frame
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 FRAMES = 60
 KETTLE = draw_clip("kettle", 0, FRAMES)
@@ -41,6 +43,10 @@ def found(sequence: Sequence, relied: float = 1.0) -> Rigid | None:
     motion = sequence.object
     trust = torch.full(motion.translation.shape[:2], relied)
     return still_frame(sequence.hands, motion, sequence.fps, trust)
+
+
+def shares(hands: tuple[HandTrack, ...], clip: Sequence) -> np.ndarray:
+    return held_shares([filled_keypoints(hand) for hand in hands], clip.object, clip.fps)
 
 
 def speed(sequence: Sequence) -> torch.Tensor:
@@ -86,7 +92,7 @@ def test_the_still_frame_is_that_of_the_first_frame_and_keeps_what_hand_and_obje
 
 def test_the_part_that_no_hand_moves_shows_the_motion_of_the_camera():
     clip = seen_by_head(DRAWER)
-    held = held_shares(clip.hands, clip.object, clip.fps)
+    held = shares(clip.hands, clip)
     pose = found(clip)
     still = placed(clip, pose).object
     least = held.argmin(1)
@@ -100,8 +106,8 @@ def test_a_second_hand_that_moves_the_object_counts():
     clip = seen_by_head(KETTLE)
     far = replace(clip.hands[0].mirrored(), joints=clip.hands[0].joints + 1.0)
     for hands in ((far, clip.hands[0]), (clip.hands[0], far)):
-        shares = held_shares(hands, clip.object, clip.fps)
-        assert (shares == held_shares(clip.hands, clip.object, clip.fps)).all()
+        both = shares(hands, clip)
+        assert (both == shares(clip.hands, clip)).all()
 
 
 def test_an_object_whose_poses_are_unreliable_shows_no_motion_of_the_camera():

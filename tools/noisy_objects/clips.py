@@ -21,7 +21,6 @@ from geneoh.objects.still_frame import placed
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
-from geneoh.sequence.gaps import moved
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -102,22 +101,14 @@ def clip_of(name: str) -> Sequence:
 
 def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -> Sequence:
     """A clip whose hand shakes its object."""
-    (hand,), motion, frames = sequence.hands, sequence.object, sequence.frames
+    (hand,), frames = sequence.hands, sequence.frames
     assert hand.joints is not None, "every clip has joints"
     time = torch.arange(frames)
     share = (4 * (time / (frames - 1) - 0.5).abs()).clamp(1, 1.2).sub(1.2) / -0.2
     angle = share * math.radians(degrees) * torch.sin(2 * math.pi * hertz * time / sequence.fps)
     turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[0])
     pivot = hand.joints[frames // 2, 0] + torch.tensor([0.0, LEVER, 0.0])
-    return replace(
-        sequence,
-        hands=(moved(hand, Rigid(turn, pivot - turn @ pivot)),),
-        object=replace(
-            motion,
-            rotation=turn[:, None] @ motion.rotation,
-            translation=(motion.translation - pivot) @ turn.mT + pivot,
-        ),
-    )
+    return placed(sequence, Rigid(turn, pivot - turn @ pivot))
 
 
 def filmed(sequence: Sequence) -> Sequence:

@@ -17,7 +17,7 @@ from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
-from geneoh.hand.mano import AS_SHIPPED, MENDED, load_pose_space, name_of
+from geneoh.hand.mano import AS_SHIPPED, MANO_NAMES, MENDED, load_pose_space, name_of
 from geneoh.readers import mano
 from geneoh.readers.base import finite_frames
 from geneoh.readers.npz import layouts
@@ -45,7 +45,7 @@ def with_keypoints(hand: HandTrack, mano_dir: Path | str | None) -> HandTrack:
     pose, wrist, betas, model = hand.pose, hand.wrist, hand.betas, hand.hand_model
     if hand.joints is not None or pose is None or wrist is None or betas is None:
         return hand
-    if mano_dir is None or model not in (MENDED, AS_SHIPPED):
+    if mano_dir is None or model not in MANO_NAMES:
         return hand
     with suppress(MissingAssetError):
         shaped = load_hand(hand.side, source=model, mano_dir=mano_dir).shaped(betas)
@@ -139,7 +139,7 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
     if joints is not None:
         wrist = joints[:, 0]
     elif transl is not None:
-        betas = read_betas(record, "betas")[0] if model in (MENDED, AS_SHIPPED) else None
+        betas = read_betas(record, "betas")[0] if model in MANO_NAMES else None
         offset, notes = offset_of_wrist(side, model, betas, mano_dir)
         wrist = transl + offset
     names = {**JOINT_NAMES, "betas": "betas"}

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
+from geneoh.hand.mano import MANO_NAMES, name_of
 from geneoh.readers.joint_orders import order_of_points
 from geneoh.readers.keypoints.missing import without_missing
 from geneoh.readers.npz import layouts
@@ -26,7 +26,7 @@ def read_hand_model(record: Record, side: Side, default: str | None = None) -> s
     model = record.optional_text("hand_model")
     refuse_unknown_model(model, record.where)
     model = model or default
-    return name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
+    return name_of(side, model) if model in MANO_NAMES else model
 
 
 def read_betas(
