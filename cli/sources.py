@@ -54,6 +54,12 @@ reader_options = options.together(
     ),
     option("--focal: Focal length of the camera in pixels, for HaMeR and WiLoR.", float),
     options.camera,
+    option(
+        "--camera-pose: Poses of a camera that moves, camera to world, where hands and object are "
+        "in its frame: files as of --object-pose. They are cleaned in the world; the result is in "
+        "the camera's frame again.",
+        FILE_OR_FOLDER,
+    ),
 )
 """Options that a source may need to be read."""
 

@@ -21,7 +21,7 @@ from geneoh.pipeline.streaming.first_look import SECONDS
 from geneoh.pipeline.streaming.stream import CleanFrame, Stream
 from geneoh.readers.clock import ASSUMED_FPS, CLOCK_NAMES, clock_of
 from geneoh.readers.npz.files import hand_arrays
-from geneoh.readers.npz.layouts import HAND_FIELDS, own_names
+from geneoh.readers.npz.layouts import CAMERA_POSES, HAND_FIELDS, own_names
 from geneoh.readers.records import Record
 
 from . import options
@@ -101,10 +101,15 @@ def clean_frames(
                 )
                 for side in sides_in(fields, side, where)
             }
-        poses.append({name: value for name, value in fields.items() if name in POSE_FIELDS})
+        poses.append({name: value for name, value in fields.items() if name in KEPT_FIELDS})
         made: dict[Side, CleanFrame] = {}
         for each, stream in streams.items():
-            frame = stream.push(hand_in(fields, each), pose_in(fields, where), where=where)
+            frame = stream.push(
+                hand_in(fields, each),
+                pose_in(fields, where),
+                camera_to_world=fields.get(CAMERA_POSES),
+                where=where,
+            )
             if frame is not None:
                 made[each] = frame
         if made:
@@ -120,6 +125,8 @@ def clean_frames(
 
 POSE_FIELDS = ("object_rotation", "object_translation", "obj_pose")
 """The object's pose in a line: the first two, or the third."""
+KEPT_FIELDS = (*POSE_FIELDS, CAMERA_POSES)
+"""Fields of a line that are written as they came."""
 
 
 def watched(

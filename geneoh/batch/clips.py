@@ -37,9 +37,10 @@ COLUMNS = ("input", "name", "meshes", "source", "options")
 MANIFEST_LIMIT = 2**26  # largest size of a manifest, bytes
 SETTINGS = tuple(field.name for field in fields(Options))
 FOR_NPZ = ("side", "fps", "unit", "joint_order", "keypoint_unit", "object_pose", "camera")
+FOR_NPZ += ("camera_pose",)
 READING = (*FOR_NPZ, *OF_SOURCES)
 """Names of the options of `geneoh.read`; `geneoh.load` has those of `FOR_NPZ`."""
-PATHS = ("object_pose", "objects", "body", "weights", "mano_dir")
+PATHS = ("object_pose", "camera_pose", "objects", "body", "weights", "mano_dir")
 
 
 @dataclass(frozen=True)

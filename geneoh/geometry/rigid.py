@@ -39,6 +39,12 @@ class Rigid:
         back = self.rotation.transpose(-1, -2)
         return Rigid(back, -(back @ self.translation[..., None])[..., 0])
 
+    def matrices(self) -> Float[Tensor, "*B 4 4"]:
+        """The poses as matrices with the last row 0 0 0 1."""
+        upper = torch.cat([self.rotation, self.translation[..., None]], -1)
+        bottom = upper.new_tensor([0.0, 0.0, 0.0, 1.0]).expand(*upper.shape[:-2], 1, 4)
+        return torch.cat([upper, bottom], -2)
+
     def compose(self, first: "Rigid") -> "Rigid":
         """`first`, then this: pose_a_b.compose(pose_b_c) is pose_a_c; batch axes broadcast."""
         moved = (self.rotation @ first.translation[..., None])[..., 0]

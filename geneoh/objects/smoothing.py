@@ -11,11 +11,14 @@ from math import comb
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float64
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
+
+from geneoh.geometry.rigid import Rigid
 
 CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
 FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of 5 standard deviations weigh 0.1
@@ -27,6 +30,7 @@ FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3  # window and floor for the initial, 
 MEDIAN_FRAMES = 5  # window of the median filter for the initial weights, frames
 MOTION = 0.7  # use eighth differences if they show less than this share of the fourth ones' noise
 LEAST_FRAMES = 16  # frames below which eighth differences are too few
+LEAST_NOISE = 1e-5  # floor of the noise of a camera, metres and radians
 Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # reduces many lengths to one
 
 
@@ -147,3 +151,17 @@ def smooth_rotations(
         if np.abs(step).max() < 1e-4:
             break
     return track, weight
+
+
+def smooth_poses(poses: Rigid) -> Rigid:
+    """A track of poses without its own white noise, such as those of a camera; one without noise,
+    or with fewer than `LEAST_FRAMES` frames, hardly changes."""
+    if len(poses.rotation) < LEAST_FRAMES:
+        return poses
+    places = poses.translation.double().cpu().numpy()
+    turns = Rotation.from_matrix(poses.rotation.double().cpu().numpy())
+    known = np.ones(len(places), dtype=bool)
+    smooth, _ = smooth_points(places, known, max(noise_level(places), LEAST_NOISE))
+    turned, _ = smooth_rotations(turns, known, max(noise_level(path_of(turns)), LEAST_NOISE))
+    found = map(torch.from_numpy, (turned.as_matrix(), smooth))
+    return Rigid(*(values.to(poses.rotation) for values in found))

@@ -7,7 +7,6 @@ moves with it. While a hand does, the motions of camera and object cannot be dis
 camera counts as still.
 """
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,9 +18,9 @@ from torch import Tensor
 
 from geneoh.geometry.rigid import Rigid
 from geneoh.objects.evidence import distance_of_parts, placed_vertices, share_between
-from geneoh.sequence.gaps import filled_keypoints, moved
+from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.keypoints import PALM
-from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 NEAR, AWAY = 0.05, 0.10
 """Distance of the nearest keypoint to a part, metres: up to the first bound the hand may move with
@@ -145,24 +144,3 @@ def matrices_of(motion: ObjectTrack) -> Float64[np.ndarray, "T Q 4 4"]:
     found[..., :3, :3] = motion.rotation.cpu().double().numpy()
     found[..., :3, 3] = motion.translation.cpu().double().numpy()
     return found
-
-
-def placed(sequence: Sequence, pose: Rigid) -> Sequence:
-    """A sequence after a rigid motion of hands, camera rays and object in each frame."""
-    return replace(
-        sequence,
-        hands=tuple(placed_hand(hand, pose) for hand in sequence.hands),
-        object=replace(
-            sequence.object,
-            rotation=pose.rotation[:, None] @ sequence.object.rotation,
-            translation=pose.apply(sequence.object.translation),
-        ),
-    )
-
-
-def placed_hand(hand: HandTrack, pose: Rigid) -> HandTrack:
-    """A hand and its camera ray after a rigid motion in each frame."""
-    ray = hand.camera_ray
-    if ray is not None:
-        ray = (pose.rotation @ ray[..., None])[..., 0]
-    return replace(moved(hand, pose), camera_ray=ray)

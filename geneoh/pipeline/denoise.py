@@ -19,6 +19,7 @@ from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.refine import refine_object
+from geneoh.objects.smoothing import smooth_poses
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.following import without_following
@@ -27,12 +28,13 @@ from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.preparation import Prepared, prepared
+from geneoh.pipeline.preparation import Prepared, prepared, told_of_camera
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
 from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
+from geneoh.sequence.placing import camera_of, in_world
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -96,6 +98,10 @@ def denoise(
         sequence = replace(sequence, hands=hands)
         if taken.object.meshes and taken.object.is_seen:
             sequence = with_hands_earlier(sequence, options.hand_delay)
+        given, camera = sequence, camera_of(sequence.camera_to_world)
+        if camera is not None:
+            camera = smooth_poses(camera)
+            sequence = in_world(sequence, camera)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, followed = without_following(sequence)
@@ -114,6 +120,9 @@ def denoise(
             alike = with_one_shape(sequence, options)
             parts = [clean_interaction(alike[shot], options, on_progress) for shot in shots]
             result = joined_shots(parts, shots)
+        if camera is not None:
+            result = result.seen_from(camera, given)
+            result = replace(result, notes=told_of_camera(result.notes))
         return replace(result, doubts=doubtful)
 
 

@@ -7,7 +7,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.bundle import FRAMES, concatenated
+from geneoh.geometry.rigid import Rigid
 from geneoh.sequence.gaps import FrameInterpolation, blendable
+from geneoh.sequence.placing import placed_hand, placed_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 DIGITS = 9  # decimals that times in frames are rounded to, so that coinciding frames are detected
@@ -34,6 +36,11 @@ class Observed:
 
     hand: HandTrack | None
     object: ObjectTrack
+
+    def placed(self, pose: Rigid) -> "Observed":
+        """This frame after a rigid motion."""
+        hand = None if self.hand is None else placed_hand(self.hand, pose)
+        return Observed(hand, placed_object(self.object, pose))
 
     def completed(self, earlier: "Observed | None") -> "Observed":
         """This frame, with its missing hand or object poses taken from an earlier one."""

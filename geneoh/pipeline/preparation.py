@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 import torch
 
 from geneoh.geometry.rigid import Rigid
-from geneoh.objects.still_frame import placed, placed_hand, still_frame
+from geneoh.objects.still_frame import still_frame
 from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.rays import with_found_rays
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult
-from geneoh.sequence.gaps import filled_poses, moved
+from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.resample import poses_over_frames
+from geneoh.sequence.placing import placed, placed_hand
 from geneoh.sequence.sequence import Sequence
 
 NO_OBJECT = (
@@ -26,6 +26,15 @@ OF_AN_OBJECT = ("trust_object", "refine_object", "hand_delay")
 MOVING_CAMERA = (
     "the camera moves: its motion was removed before the hand was cleaned, by the object while no "
     "hand moves with it, and accelerations are measured without it"
+)
+CAMERA_REMOVED = (
+    "the camera's motion was removed by its poses before the hand was cleaned, and accelerations "
+    "are measured without it"
+)
+CAMERA_CONTRADICTED = (
+    "by the camera's poses the object moves while no hand moves with it: they may be inverted, of "
+    "other frames or of another scale, as from the images of one camera; the motion that they "
+    "leave was estimated by the object and removed as well"
 )
 
 
@@ -50,14 +59,13 @@ class Prepared:
         given = self.given.hand(hand.side)
         result = result.to(given.valid.device)
         track, samples = hand.track_to_user(result.track), hand.points_to_user(result.samples)
+        result = replace(result, track=track, samples=samples)
         if self.still is not None:
-            track = moved(track, self.still.inverse())
-            samples = poses_over_frames(self.still, samples.shape[1]).inverse().apply(samples)
+            result = result.placed(self.still.inverse())
         return replace(
             result,
-            track=replace(track, camera_ray=given.camera_ray),
+            track=replace(result.track, camera_ray=given.camera_ray),
             filled=~given.observed,
-            samples=samples,
             contact=None if result.contact is None else hand.frames_to_user(result.contact),
             evidence=hand.frames_to_user(result.evidence),
         )
@@ -88,6 +96,13 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
     if hands[0].track.frames != sequence.frames:
         notes.append(rate_note(sequence.fps))
     return Prepared(hands, raw, ready, given, still, chosen, tuple(notes))
+
+
+def told_of_camera(notes: tuple[str, ...]) -> tuple[str, ...]:
+    """The notes on a sequence in the world that the camera's poses lead to, and one on these."""
+    others = tuple(note for note in notes if MOVING_CAMERA not in note)
+    contradicted = (CAMERA_CONTRADICTED,) if len(others) < len(notes) else ()
+    return (*others, CAMERA_REMOVED, *contradicted)
 
 
 def idle_options(options: Options) -> Iterator[str]:

@@ -18,6 +18,7 @@ from geneoh.errors import InputError, numbered
 from geneoh.files.npz import Arrays, read_archive
 from geneoh.files.outputs import check_ending, keep_others
 from geneoh.fitting.terms import HandState
+from geneoh.geometry.rigid import Rigid
 from geneoh.metrics.report import (
     InteractionReport,
     before_and_after,
@@ -27,6 +28,8 @@ from geneoh.metrics.report import (
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
+from geneoh.sequence.placing import placed_hand, placed_object
+from geneoh.sequence.resample import poses_over_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 FROM_ARRAYS = "geneoh.from_arrays makes a Sequence of arrays"
@@ -86,6 +89,11 @@ class HandResult(Bundle):
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
+    def placed(self, pose: Rigid) -> "HandResult":
+        """The same hand and samples after a rigid motion in each frame."""
+        samples = poses_over_frames(pose, self.samples.shape[1]).apply(self.samples)
+        return replace(self, track=placed_hand(self.track, pose), samples=samples)
+
     def measures(self) -> Iterator[str]:
         """Each measure before and after, indented, for people to read."""
         for line in before_and_after(self.before, self.after):
@@ -143,6 +151,26 @@ class Denoised(Bundle):
     def __getitem__(self, frames: Index) -> "Denoised":
         """The chosen frames; a step of n divides the frame rate by n."""
         return replace(super().__getitem__(frames), sequence=self.sequence[frames])
+
+    def seen_from(self, camera: Rigid, given: Sequence) -> "Denoised":
+        """The result for a sequence that was given in the frame of a moving camera and cleaned in
+        the world. Poses of the object stay as they were, unless they were filled or refined."""
+        back, own = camera.inverse(), given.object
+        motion, examined = placed_object(self.sequence.object, back), self.examined
+        if not self.options.refine_object:
+            lost = (~own.observed & own.observed.any(0))[..., None]
+            turns = torch.where(lost[..., None], motion.rotation, own.rotation)
+            places = torch.where(lost, motion.translation, own.translation)
+            motion = replace(motion, rotation=turns, translation=places)
+        if examined is not None:
+            examined = replace(examined, aligned=placed_object(examined.aligned, back))
+        hands = dict[Side, HandResult]()
+        for side, hand in self.hands.items():
+            found, ray = hand.placed(back), given.hand(side).camera_ray
+            hands[side] = replace(found, track=replace(found.track, camera_ray=ray))
+        tracks = tuple(hands[hand.side].track for hand in self.sequence.hands)
+        clean = replace(given, hands=tracks, object=motion)
+        return replace(self, sequence=clean, hands=hands, examined=examined)
 
     def lines(self) -> Iterator[str]:
         """The computing time of each stage, what changed, and notes, for people to read."""

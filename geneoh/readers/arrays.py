@@ -18,6 +18,7 @@ from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, dates_in, is_column, l
 from geneoh.readers.npz.files import sequence_in
 from geneoh.readers.npz.layouts import (
     CAMERA_FIELDS,
+    CAMERA_POSES,
     FORMAT,
     OBJECT_FIELDS,
     OWN_FIELDS,
@@ -28,7 +29,8 @@ from geneoh.readers.records import RESHAPE, Record
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
-FIELDS = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model", "timestamps", "frame_ids")
+FIELDS = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, CAMERA_POSES, "hand_model")
+FIELDS += ("timestamps", "frame_ids")
 MESH_NAMES = ("obj", "object", "mesh")
 """Wrong names under which callers may pass `meshes`."""
 NAMES = (*FIELDS, *CLOCK_NAMES)
@@ -62,7 +64,8 @@ def from_arrays(
             `hand_model` names the model of the betas. Frames with NaN count as not observed. For
             the object `object_rotation` and `object_translation`, object to world. For hands that
             were estimated from images `camera_position` or `camera_ray`, the direction from the
-            camera, (3,) or (T, 3), in the world frame. If frames were dropped or are uneven,
+            camera, (3,) or (T, 3), in the world frame. If all of this is in the frame of a camera
+            that moves, its poses `camera_to_world` (T, 4, 4). If frames were dropped or are uneven,
             `timestamps` (T,), seconds or numpy dates, or `frame_ids` (T,) beside `fps`; the frames
             are then resampled to an even rate.
 

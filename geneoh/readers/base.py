@@ -17,7 +17,7 @@ from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName, mano_folder
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
@@ -39,7 +39,7 @@ class ReaderOptions:
     """Folder of the object meshes, where they are not in their usual place."""
     meshes: tuple[Mesh, ...] = ()
     """The object's own meshes in metres, for sources without any."""
-    object_pose: ObjectPoses | None = None
+    object_pose: PoseTrack | None = None
     """Poses of the object, for sources without any."""
     object_pose_frame: PoseFrame = "world"
     """The frame that these poses lead to."""
@@ -61,6 +61,8 @@ class ReaderOptions:
     """Focal length of the camera in pixels, for image-based estimators."""
     camera: Place | None = None
     """Position of the camera in the world, metres, instead of the source's own."""
+    camera_pose: PoseTrack | None = None
+    """Poses of a moving camera, camera to world, for hands and object in its frame."""
 
     def __post_init__(self) -> None:
         """Find the folder of MANO, and refuse a focal length that no camera has: hands would be

@@ -24,7 +24,7 @@ from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz.files import save_sequence
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.recordings import check_recording, read_clip, refuse_unused
 from geneoh.readers.registry import Source
 from geneoh.sequence.sequence import Sequence
@@ -98,7 +98,7 @@ def _as_json(value: Any) -> Any:
     """The value of an option for JSON; arrays and meshes become a digest."""
     if isinstance(value, np.ndarray):
         return f"{value.shape} {sha256(value.tobytes()).hexdigest()}"
-    if isinstance(value, ObjectPoses):
+    if isinstance(value, PoseTrack):
         return {name: _as_json(part) for name, part in vars(value).items()}
     if isinstance(value, Mesh):
         return value.sha256

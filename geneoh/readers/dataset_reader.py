@@ -5,18 +5,19 @@ into a `DatasetReader`, which also holds the source's convention, frame rate and
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.readers import base, builders, meshes
 from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
 from geneoh.readers.clock import Clock, rate_of, timing_of
-from geneoh.readers.records import Array, Notes
+from geneoh.readers.records import Array, Notes, float32
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import seen_from
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -99,8 +100,10 @@ class DatasetReader:
             names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
         notes = [*about_object, *parts.notes, *about_time, *about_meshes]
         hands, about_hands = _hands_of(parts, parts.convention or self.convention, options, where)
-        notes += about_hands
+        cameras, about_cameras = _callers_cameras(parts, options, clock, where)
+        notes += [*about_hands, *about_cameras]
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
+        sequence = replace(sequence, camera_to_world=cameras)
         refuse_other_frames(where, sequence, checks)
         camera: Any = parts.camera if options.camera is None else options.camera
         if camera is None and parts.camera_poses is not None:
@@ -161,6 +164,21 @@ def _callers_object(
     elif parts.camera_poses is not None:
         notes = (*notes, IN_WORLD_NOTE)
     return builders.object_track(options.meshes, poses), notes
+
+
+def _callers_cameras(
+    parts: ClipParts, options: ReaderOptions, clock: Clock | None, where: str
+) -> tuple[Tensor | None, Notes]:
+    """(T, 4, 4) poses of the caller's camera, for hands in its frame; and notes."""
+    if options.camera_pose is None:
+        return None, ()
+    if parts.camera_poses is not None:
+        raise InputError(
+            f"{where}: --camera-pose is for hands in the frame of the camera, got {parts.source}, "
+            "whose hands are in the world; drop it"
+        )
+    poses, notes = options.camera_pose.of_frames(parts.frames, where, clock, parts.first)
+    return float32(poses), notes
 
 
 def _hands_of(

@@ -1,4 +1,4 @@
-"""Read the object poses that a caller passes as an array, a file or a folder."""
+"""Read the poses of an object or a camera that a caller passes as an array, a file or a folder."""
 
 import os
 from dataclasses import replace
@@ -18,7 +18,7 @@ from geneoh.readers.foreign_files import (
     numbered_files,
     read_numbers,
 )
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.pose_tables import with_bottom_row
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
 from geneoh.readers.trajectories import (
@@ -50,26 +50,27 @@ def pose_field(record: Record, name: str, unit: str = "") -> Array:
 
 
 def poses_of(
-    given: Path | str | Array | None, where: str, unit: Unit | None = None
-) -> ObjectPoses | None:
+    given: Path | str | Array | None, where: str, unit: Unit | None = None, owner: str = "object"
+) -> PoseTrack | None:
     """The poses that a caller passes as an array or as a path, in metres.
 
-    Lengths are in `unit`, or in that of the file's format.
+    Lengths are in `unit`, or in that of the file's format; `owner` is what has the poses.
 
     Raises:
         InputError: they cannot be read, or are no poses; see `read_poses`.
     """
     if given is None:
         return None
-    record = Record(where, {"object_pose": given}, AS_MATRICES)
+    name = f"{owner}_pose"
+    record = Record(where, {name: given}, AS_MATRICES)
     on_disk = isinstance(given, Path | str)
-    poses = read_poses(Path(given)) if on_disk else ObjectPoses(pose_field(record, "object_pose"))
+    poses = read_poses(Path(given)) if on_disk else PoseTrack(pose_field(record, name))
     matrices = poses.matrices.copy()
     matrices[..., :3, 3] *= METRES[poses.unit or unit or "m"]
-    return replace(poses, matrices=matrices, unit="m")
+    return replace(poses, matrices=matrices, unit="m", owner=owner)
 
 
-def read_poses(path: Path) -> ObjectPoses:
+def read_poses(path: Path) -> PoseTrack:
     """The poses in a file, or in a folder with a text of a 4x4 matrix for each frame.
 
     A file is a npy, an npz with one field of poses, or a trajectory in a table or JSON. In a
@@ -95,7 +96,7 @@ def read_poses(path: Path) -> ObjectPoses:
     poses = seen_poses(poses, Record(str(path), fields, "give one for each pose"))
     name = next((name for name in TIME_NAMES if is_column(fields.get(name), len(poses))), None)
     times = None if name is None else in_seconds(path, name, np.asarray(fields[name], float))
-    return ObjectPoses(poses, times=times)
+    return PoseTrack(poses, times=times)
 
 
 def seen_poses(poses: Array, record: Record) -> Array:
@@ -109,7 +110,7 @@ def seen_poses(poses: Array, record: Record) -> Array:
     return np.where(seen.reshape(*seen.shape, *[1] * (poses.ndim - seen.ndim)) > 0, poses, np.nan)
 
 
-def poses_in_folder(folder: Path) -> ObjectPoses:
+def poses_in_folder(folder: Path) -> PoseTrack:
     """The poses in the texts of a folder."""
     files = sorted(folder.glob("*.txt"))
     if not files:
@@ -121,7 +122,7 @@ def poses_in_folder(folder: Path) -> ObjectPoses:
     if all(stamp > FRAME_LIMIT for stamp in stamps.values()):
         files.sort(key=lambda file: stamps[file])
         times = in_seconds(folder, "timestamp", np.array([stamps[file] for file in files]))
-        return ObjectPoses(np.stack(list(map(read_matrix, files))), times=times)
+        return PoseTrack(np.stack(list(map(read_matrix, files))), times=times)
     found = numbered_files(folder, "*.txt")
     if twice := [file for file in files if file not in found.values()]:
         other = found[frame_number(twice[0])]
@@ -131,7 +132,7 @@ def poses_in_folder(folder: Path) -> ObjectPoses:
         )
     first = min(found)
     poses = {frame - first: read_matrix(file) for frame, file in found.items()}
-    return ObjectPoses(by_frame(poses, max(found) + 1 - first, 4, 4), first)
+    return PoseTrack(by_frame(poses, max(found) + 1 - first, 4, 4), first)
 
 
 def read_matrix(path: Path) -> Array:

@@ -1,4 +1,4 @@
-"""Poses of an object, and how they are matched with the frames of a hand."""
+"""Poses of an object or a camera, and how they are matched with the frames of a hand."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,20 @@ from geneoh.readers.transforms import refuse_other_matrices
 
 
 @dataclass(frozen=True)
-class ObjectPoses:
-    """The caller's object poses, object to the hand's frame, with frame numbers or times."""
+class PoseTrack:
+    """The caller's poses over time, with frame numbers or times: of the object, to the hand's
+    frame, or of the camera, to the world."""
 
     matrices: Array
-    """(T, 4, 4) or (T, Q, 4, 4), NaN where the object was lost."""
+    """(T, 4, 4) or (T, Q, 4, 4), NaN where it was lost."""
     number: int | None = None
     """Frame number of the first pose, where it is known."""
     times: Array | None = None
     """(T,) seconds, where they are known."""
     unit: Unit | None = None
     """Unit of the lengths, where the format fixes it; the caller's where it does not."""
+    owner: str = "object"
+    """What has the poses, in messages."""
 
     @property
     def first(self) -> int:
@@ -43,7 +46,9 @@ class ObjectPoses:
             InputError: the times do not overlap, or the number of poses fits none of these cases.
         """
         if len(self.matrices) == 1 < frames:
-            about = "the object's one pose was taken for all frames, in which it does not move"
+            about = (
+                f"the {self.owner}'s one pose was taken for all frames, in which it does not move"
+            )
             return np.repeat(self.matrices, frames, axis=0), (about,)
         if self.times is not None and clock is not None and clock.is_of_times:
             return self.at_times(clock.values, where)
@@ -73,9 +78,10 @@ class ObjectPoses:
         own = f"{self.first} to {self.first + len(self.matrices) - 1}"
         start, stop = rows[[0, -1]] + self.first
         if is_part:
-            which = f"of the object's {len(self.matrices)} poses those of frames {start} to {stop}"
+            count = len(self.matrices)
+            which = f"of the {self.owner}'s {count} poses those of frames {start} to {stop}"
         else:
-            which = f"the object's poses are of frames {own}, the hand of {start} to {stop}"
+            which = f"the {self.owner}'s poses are of frames {own}, the hand of {start} to {stop}"
         return poses, (which,)
 
     def _about_one_each(self, clock: Clock | None, first: int) -> Notes:
@@ -83,11 +89,13 @@ class ObjectPoses:
         number = first if clock is None else round(clock.values[0])
         is_numbered = clock is not None or first > 0
         if clock is not None and clock.is_of_times:
-            known = "the hand has times and the object's poses none"
+            known = f"the hand has times and the {self.owner}'s poses none"
         elif self.times is not None:
-            known = "the object's poses have times and the hand none"
+            known = f"the {self.owner}'s poses have times and the hand none"
         elif self.first and is_numbered and number != self.first:
-            known = f"the object's poses begin with frame {self.first} and the hand with {number}"
+            known = (
+                f"the {self.owner}'s poses begin with frame {self.first} and the hand with {number}"
+            )
         else:
             return ()
         return (f"{known}: taken one for each frame",)
@@ -97,35 +105,35 @@ class ObjectPoses:
         which = f", which are numbers {first} to {first + frames - 1}," if first else ","
         got = f"{len(self.matrices)}" + (f" from number {self.first} on" if self.first else "")
         cure = "cut them to the same frames"
-        if len(self.matrices) < frames:
+        if len(self.matrices) < frames and self.owner == "object":
             cure += ", or write NaN for the first or last ones where the object was not found"
         if self.times is not None:
             cure += ", or save the times of the hand's frames, too, as 'timestamps'"
         elif clock is not None and clock.is_of_times:
             cure += ", or save the times of the poses, too, as numbers in a column 'timestamp'"
         return InputError(
-            f"{where}: the object's poses must be one for each of the {frames} frames{which} got "
-            f"{got}; {cure}"
+            f"{where}: the {self.owner}'s poses must be one for each of the {frames} frames{which} "
+            f"got {got}; {cure}"
         )
 
     def at_times(self, seconds: Array, where: str) -> tuple[Array, Notes]:
         """The poses at (N,) times, interpolated between near ones, NaN where none is near."""
         assert self.times is not None
         parts = self.matrices.reshape(len(self.times), -1, 4, 4)
-        record = Record(where, {}, "correct the object's poses")
-        refuse_other_matrices(record, "object_pose", parts[..., :3, :3])
+        record = Record(where, {}, f"correct the {self.owner}'s poses")
+        refuse_other_matrices(record, f"{self.owner}_pose", parts[..., :3, :3])
         found = [pose_at(seconds, self.times, parts[:, part]) for part in range(parts.shape[1])]
         poses = np.stack(found, axis=1).reshape(len(seconds), *self.matrices.shape[1:])
         lost = np.isnan(poses).any(tuple(range(1, poses.ndim)))
         if lost.all():
             raise InputError(
-                f"{where}: the object's poses must be of the times of the hand, "
+                f"{where}: the {self.owner}'s poses must be of the times of the hand, "
                 f"{seconds[0]:.12g} to {seconds[-1]:.12g} s, got {self.times[0]:.12g} to "
                 f"{self.times[-1]:.12g} s; write both by one clock"
             )
         if len(seconds) == len(self.times) and np.allclose(seconds, self.times, 0, 1e-6):
             return poses, ()
-        words = f"the object's {len(self.times)} poses were brought to the times of the hand"
+        words = f"the {self.owner}'s {len(self.times)} poses were brought to the times of the hand"
         gaps = f", none of them near {numbered(int(lost.sum()), 'frame')}"
         return poses, (words + gaps * bool(lost.any()),)
 

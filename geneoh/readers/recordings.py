@@ -44,7 +44,7 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
             `focal`. Instead of `meshes` pass `obj`, the mesh of the object or its file, or one per
             rigid part, and `unit`, the unit of the files. `object_pose` may be an array, or a path
             that `geneoh.readers.object_poses.read_poses` reads, with lengths in `keypoint_unit`;
-            `camera` may be "origin".
+            the same holds for `camera_pose`; `camera` may be "origin".
 
     Raises:
         ConfigError: there is no source of that name, or it does not use one of the options.
@@ -75,13 +75,14 @@ def options_with_files(
     obj: MeshInput = (),
     unit: Unit = "m",
     object_pose: Path | str | Array | None = None,
+    camera_pose: Path | str | Array | None = None,
     **others: Any,
 ) -> ReaderOptions:
     """The options, after reading the files of the object's meshes and poses; see `read`."""
     kinds = get_type_hints(ReaderOptions) | {"unit": Unit}
     for name in others:
         if name not in kinds or name == "meshes":
-            known = [*(each for each in kinds if each != "meshes"), "obj", "object_pose", "clip"]
+            known = [*(each for each in kinds if each != "meshes"), "obj", "clip"]
             raise ConfigError(f"geneoh.read: '{name}' is no option; {closest_name(name, known)}")
     for name, value in {**others, "unit": unit}.items():
         if is_plain(kinds.get(name)):
@@ -90,7 +91,9 @@ def options_with_files(
     poses = poses_of(object_pose, "geneoh.read", keypoint_unit)
     if (camera := others.get("camera")) is not None:
         others["camera"] = place_of(camera, "geneoh.read")
-    return ReaderOptions(meshes=meshes_of(obj, unit), object_pose=poses, **others)
+    cameras = poses_of(camera_pose, "geneoh.read", keypoint_unit, "camera")
+    found = {"object_pose": poses, "camera_pose": cameras}
+    return ReaderOptions(meshes=meshes_of(obj, unit), **found, **others)
 
 
 def source_named(name: str) -> Source:

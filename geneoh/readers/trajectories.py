@@ -20,7 +20,7 @@ from geneoh.readers import bop
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
 from geneoh.readers.column_names import plain_name
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text, time_in
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.pose_tables import (
     TO_NAME,
     Table,
@@ -50,7 +50,7 @@ def is_text(path: Path) -> bool:
     return bool(head) and not binary and path.suffix.lower() not in PICKLES
 
 
-def read_trajectory(path: Path) -> ObjectPoses:
+def read_trajectory(path: Path) -> PoseTrack:
     """The poses in a table or in JSON."""
     is_json = head_of(path).lstrip()[:1] in (b"{", b"[")
     found = table_in_json(read_json(path), path) if is_json else table_in_text(path)
@@ -62,7 +62,7 @@ def read_trajectory(path: Path) -> ObjectPoses:
     times = column_called(found, TIME_NAMES)
     seconds = None if times is None else in_seconds(path, *times)
     if numbers is None:
-        return ObjectPoses(poses, None, seconds, found.unit)
+        return PoseTrack(poses, None, seconds, found.unit)
     refuse_fall(path, *numbers)
     at = numbers[1]
     if (at != np.rint(at)).any() or at[-1] - at[0] >= FRAME_LIMIT:
@@ -71,7 +71,7 @@ def read_trajectory(path: Path) -> ObjectPoses:
     every = np.arange(int(at[-1]) + 1 - first)
     numbered = dict(zip((at - first).astype(int).tolist(), poses, strict=True))
     seconds = None if seconds is None else np.interp(every, at - first, seconds)
-    return ObjectPoses(by_frame(numbered, len(every), 4, 4), first, seconds, found.unit)
+    return PoseTrack(by_frame(numbered, len(every), 4, 4), first, seconds, found.unit)
 
 
 def table_in_text(path: Path) -> Table:

@@ -189,7 +189,11 @@ def _interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
     hands = tuple(
         between.hand(hand, seen_at(hand.valid, between)) for hand in map(blendable, sequence.hands)
     )
-    return replace(sequence, hands=hands, object=motion)
+    camera = sequence.camera_to_world
+    if camera is not None:
+        turns = between.rotations(camera[:, None, :3, :3])[:, 0]
+        camera = Rigid(turns, between.points(camera[:, :3, 3])).matrices()
+    return replace(sequence, hands=hands, object=motion, camera_to_world=camera)
 
 
 def seen_at(valid: Bool[Tensor, " T"], between: FrameInterpolation) -> Bool[Tensor, " N"]:

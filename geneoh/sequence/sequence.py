@@ -226,9 +226,11 @@ class Sequence(Bundle):
     """Where it came from, in words a person can use: a file name and the layout that was read."""
     left_out: str = ""
     """What the file holds that a sequence cannot, such as a body, in words; else empty."""
+    camera_to_world: Float[Tensor, "T 4 4"] | None = None
+    """Poses of a camera that moves, if hands and object are in its frame instead of the world's."""
 
     def __post_init__(self) -> None:
-        """Take one hand or a list of hands, and any number as the rate."""
+        """Take one hand or a list of hands, any number as the rate, and arrays."""
         hands = (self.hands,) if isinstance(self.hands, HandTrack) else tuple(self.hands)
         object.__setattr__(self, "hands", hands)
         kinds = (*(type(hand) for hand in hands), type(self.object))
@@ -242,6 +244,7 @@ class Sequence(Bundle):
             object.__setattr__(self, "fps", float(self.fps))
         except (TypeError, ValueError):
             raise InputError(f"'fps' must be a number, got {self.fps!r:.60}; correct it") from None
+        conform(self, "the sequence")
 
     def __repr__(self) -> str:
         """The hands, length, rate and source in one line."""

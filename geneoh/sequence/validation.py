@@ -76,6 +76,7 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
     """
     name = name or sequence.source or "the sequence"
     check_tracks(sequence, name)
+    check_camera(sequence.camera_to_world, sequence.frames, name)
     if not SMALLEST_FPS <= sequence.fps <= LARGEST_FPS:
         seconds = 1 / LARGEST_FPS <= sequence.fps < SMALLEST_FPS
         cure = f"as seconds per frame it is {1 / sequence.fps:.4g}, pass that" if seconds else ""
@@ -107,6 +108,31 @@ def check_tracks(sequence: Sequence, name: str = "") -> None:
                 f"for the {hand.side} hand and {sequence.frames} for the object; "
                 "cut them to the same frames"
             )
+
+
+def check_camera(poses: Float[Tensor, "T 4 4"] | None, frames: int, name: str) -> None:
+    """Refuse poses of a camera that are not one rigid motion for each frame."""
+    if poses is None:
+        return
+    what, cure = "the camera's poses", "cut the clip to the frames in which the camera was tracked"
+    if len(poses) != frames:
+        raise InputError(
+            f"{name}: {what} must be one for each of the {frames} frames, got {len(poses)}; cut "
+            "them to the same frames"
+        )
+    if len(lost := (~poses.isfinite().flatten(1).all(1)).nonzero()):
+        raise InputError(
+            f"{name}: {what} must be finite in every frame, got NaN or infinity in {len(lost)}, "
+            f"the first is {int(lost[0])}; {cure}"
+        )
+    check_place(poses[:, :3, 3], what, name)
+    bottom = (poses[:, 3] - poses.new_tensor([0.0, 0.0, 0.0, 1.0])).abs().amax(-1)
+    if len(wrong := (~is_rotation(poses[:, :3, :3]) | (bottom > UNIT_TOLERANCE)).nonzero()):
+        frame = int(wrong[0])
+        raise InputError(
+            f"{name}: {what} must be rigid motions from the camera to the world, got in frame "
+            f"{frame} {poses[frame].tolist()}; give matrices of a rotation and a position in metres"
+        )
 
 
 def check_hand(hand: HandTrack, name: str) -> None:

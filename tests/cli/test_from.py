@@ -74,6 +74,24 @@ def test_an_estimators_hands_are_cleaned_against_the_callers_object(
     np.testing.assert_allclose(clean.object.translation[:, 0], s.shift, atol=1e-6)
 
 
+@pytest.mark.parametrize("source", [(), ("--from", "keypoints")])
+def test_hands_in_the_frame_of_a_camera_are_cleaned_in_the_world(geneoh, tmp_path, source):
+    s = scene("right")
+    np.save(tmp_path / "hand.npy", s.joints["right"])
+    np.save(tmp_path / "poses.npy", s.matrices())
+    camera = np.tile(np.eye(4), (FRAMES, 1, 1))
+    camera[:, :3, 3] = np.linspace(0, 0.3, FRAMES)[:, None]
+    np.save(tmp_path / "camera.npy", camera)
+    trees.write_mesh(tmp_path / "box.obj", s.verts, s.faces)
+    brought = ("--obj", "box.obj", "--object-pose", "poses.npy", "--side", "right")
+    brought += ("--camera-pose", "camera.npy", "--preset", "fast", *source)
+    told = geneoh("denoise", "hand.npy", *brought).stdout
+    assert "note: the camera's motion was removed by its poses" in told
+    clean = load(tmp_path / "hand_clean.npz")
+    np.testing.assert_allclose(clean.camera_to_world, camera, atol=1e-6)
+    np.testing.assert_allclose(clean.object.translation[:, 0], s.shift, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -19,7 +19,9 @@ from bad_inputs import BOX_CORNERS, BOX_FACES, FRAMES, good_arrays, with_arrays,
 from click.testing import CliRunner
 from recorded_inputs import (
     beside,
+    by_a_known_camera,
     by_a_moving_camera,
+    by_an_inverted_camera,
     cut,
     in_a_box,
     inverted,
@@ -366,6 +368,18 @@ SITUATIONS = [
         "The camera moves, and hand and object are in its frame",
         "note: the camera moves: its motion was removed before the hand was cleaned",
         by_a_moving_camera,
+        code=0,
+    ),
+    Situation(
+        "The same with the poses of the camera",
+        "note: the camera's motion was removed by its poses before the hand was cleaned",
+        by_a_known_camera,
+        code=0,
+    ),
+    Situation(
+        "The poses of the camera are inverted, late or of another scale",
+        "note: by the camera's poses the object moves while no hand moves with it",
+        by_an_inverted_camera,
         code=0,
     ),
     Situation(

@@ -96,6 +96,26 @@ def test_the_command_gives_what_python_gives(stream, lines):
                 np.testing.assert_allclose(line[name], np.squeeze(values), atol=1e-6)
 
 
+def test_the_pose_of_a_moving_camera_is_taken_and_written(stream, lines):
+    for number, line in enumerate(lines):
+        camera = np.eye(4)
+        camera[:3, 3] = 0.01 * number
+        line["camera_to_world"] = camera.tolist()
+    result = stream(lines, "--obj", "object.obj", "--seed", "3")
+    python, found = Stream("object.obj", lag=0.1, seed=3), []
+    for line in lines:
+        pose = (line["object_rotation"], line["object_translation"])
+        camera = line["camera_to_world"]
+        found.append(python.push(line["right_joints"], pose, camera_to_world=camera))
+    found = [frame for frame in found if frame] + python.flush()
+    written = map(json.loads, result.stdout.splitlines())
+    for line, frame, given in zip(written, found, lines, strict=True):
+        np.testing.assert_allclose(line["right_joints"], frame.hand.joints[0], atol=1e-6)
+        assert line["camera_to_world"] == given["camera_to_world"]
+    del lines[4]["camera_to_world"]
+    assert "in every frame or in none" in stream(lines, "--obj", "object.obj", code=2).stderr
+
+
 def test_msgpack_in_gives_the_same_frames_as_msgpack(stream, lines):
     packed = b"".join(map(msgpack.packb, lines))
     result = stream(packed, "--obj", "object.obj")

@@ -11,12 +11,13 @@ from short_clips import example
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.objects.still_frame import held_shares, placed, still_frame
+from geneoh.objects.still_frame import held_shares, still_frame
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.placing import placed
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, Sequence
 

@@ -19,7 +19,7 @@ from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.checks.convention import contradictions
 from geneoh.readers.convert import convert, notes_on
 from geneoh.readers.npz.files import load
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.recordings import find_clips, read_one, source_named
 from geneoh.readers.sources import landmarks
 from geneoh.sequence.sequence import Sequence
@@ -286,7 +286,7 @@ def test_other_poses_of_the_callers_object_are_another_conversion(tmp_path):
             "keypoints",
             tmp_path / "hand.npy",
             tmp_path / "out",
-            ReaderOptions(side="right", object_pose=ObjectPoses(poses, **known)),
+            ReaderOptions(side="right", object_pose=PoseTrack(poses, **known)),
         )
         return outcome.skipped
 

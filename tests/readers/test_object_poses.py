@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import geneoh
 from geneoh.errors import InputError
 from geneoh.readers.object_poses import poses_of, read_poses
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 
 FRAMES = 12
 TURNS = Rotation.from_rotvec(np.linspace([0.1, 0.2, 0.3], [0.5, 0.1, 0.9], FRAMES))
@@ -159,7 +159,7 @@ def poses_at(seconds):
 def test_poses_of_another_rate_are_brought_to_the_times_of_the_hand(fps):
     """There had to be as many poses as frames, and they were taken one after the other."""
     times = np.arange(TIMES[0], TIMES[-1] + 1e-6, 1 / fps)
-    poses, notes = ObjectPoses(poses_at(times), times=times).at_times(TIMES + 0.004, "a.npz")
+    poses, notes = PoseTrack(poses_at(times), times=times).at_times(TIMES + 0.004, "a.npz")
     known = np.isfinite(poses).all((1, 2))
     assert known.sum() >= FRAMES - 2
     np.testing.assert_allclose(poses[known], poses_at(TIMES + 0.004)[known], atol=1e-2)
@@ -168,7 +168,7 @@ def test_poses_of_another_rate_are_brought_to_the_times_of_the_hand(fps):
 
 def test_times_between_which_the_object_was_lost_have_no_pose():
     kept = [0, 1, 2, 3, 8, 9, 10, 11]
-    poses, (note,) = ObjectPoses(POSES[kept], times=TIMES[kept]).at_times(TIMES, "a.npz")
+    poses, (note,) = PoseTrack(POSES[kept], times=TIMES[kept]).at_times(TIMES, "a.npz")
     known = np.isfinite(poses).all((1, 2))
     assert np.flatnonzero(known).tolist() == kept
     assert "none of them near 4 frames" in note
@@ -177,7 +177,7 @@ def test_times_between_which_the_object_was_lost_have_no_pose():
 
 def test_times_of_another_clock_are_refused():
     with pytest.raises(InputError, match=r"a\.npz: .* 0 to 0\.36\d* s, got 1700000000 .* clock"):
-        ObjectPoses(POSES, times=TIMES).at_times(np.arange(FRAMES).round() / 30, "a.npz")
+        PoseTrack(POSES, times=TIMES).at_times(np.arange(FRAMES).round() / 30, "a.npz")
 
 
 def hand_of(folder, times, **fields):

@@ -154,7 +154,7 @@ def test_poses_of_the_caller_go_before_those_of_a_file_of_bare_keypoints(estimat
 def test_the_camera_in_a_file_of_bare_keypoints_is_told_to_be_unread(masked, tmp_path):
     np.savez(tmp_path / "hand.npz", side="left", **masked, camera_ray=[0, 0, 1.0])
     found = geneoh.read("keypoints", tmp_path / "hand.npz")
-    assert "'camera_ray' of the file: not read beside --from; --camera gives" in found.source
+    assert "'camera_ray' of the file: not read beside --from; --camera and" in found.source
 
 
 def test_bare_parameters_are_read_with_what_their_file_says_beside_them(

@@ -10,11 +10,13 @@ from bad_inputs import BOX_CORNERS, write_mesh
 import geneoh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.objects.still_frame import placed
+from geneoh.sequence.placing import placed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CLEAN, NOISY = EXAMPLES / "taco_clean.npz", EXAMPLES / "taco_noisy.npz"
 OBJECT = EXAMPLES / "taco_object.obj"
+LENGTH = 146
+"""Frames of the example recording."""
 
 
 def recorded_keypoints() -> np.ndarray:
@@ -90,13 +92,17 @@ def late(folder: Path) -> None:
     write_example(folder, arrays)
 
 
-def by_a_moving_camera(folder: Path) -> None:
-    """The example recording in the frame of a camera that sways."""
-    sequence = geneoh.load(CLEAN, obj=OBJECT)
-    time = torch.arange(sequence.frames) / sequence.fps
+def sway(frames: int) -> Rigid:
+    """The motion from the world to a camera that sways."""
+    time = torch.arange(frames) / 30
     waves = torch.stack([torch.sin(pace * time) for pace in (2.1, 2.9, 3.7)], 1)
-    sway = Rigid(axis_angle_to_matrix(0.25 * waves), 0.05 * waves)
-    seen = placed(sequence, sway)
+    return Rigid(axis_angle_to_matrix(0.25 * waves), 0.05 * waves)
+
+
+def by_a_moving_camera(folder: Path, **camera: np.ndarray) -> None:
+    """The example recording in the frame of a camera that sways, perhaps with its poses."""
+    sequence = geneoh.load(CLEAN, obj=OBJECT)
+    seen = placed(sequence, sway(sequence.frames))
     (hand,), motion = seen.hands, seen.object
     arrays = dict(np.load(CLEAN))
     write_example(
@@ -108,8 +114,19 @@ def by_a_moving_camera(folder: Path) -> None:
             "left_wrist": hand.wrist.numpy(),
             "object_rotation": motion.rotation.numpy(),
             "object_translation": motion.translation.numpy(),
-        },
+        }
+        | camera,
     )
+
+
+def by_a_known_camera(folder: Path) -> None:
+    """The same with the poses of the camera."""
+    by_a_moving_camera(folder, camera_to_world=sway(LENGTH).inverse().matrices().numpy())
+
+
+def by_an_inverted_camera(folder: Path) -> None:
+    """The same with inverted poses of the camera."""
+    by_a_moving_camera(folder, camera_to_world=sway(LENGTH).matrices().numpy())
 
 
 def cut(folder: Path) -> None:

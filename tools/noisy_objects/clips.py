@@ -17,12 +17,12 @@ from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.objects.still_frame import placed
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
+from geneoh.sequence.placing import placed
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.synthesis.shapes.scans import MeshFolder, Scans, build_scans, read_folder
 from tools.noisy_objects.filters import ObjectFilter, filtered_as
@@ -42,6 +42,10 @@ HOVERING = "hovering "
 """The same, as near to the object as a touching hand may be."""
 FILMED = "filmed "
 """The same clip in the frame of a camera on a moving head."""
+TRACKED = "tracked "
+"""The same as `FILMED`, with the poses of the camera, which have white noise of `TRACKING`."""
+TRACKING = (math.radians(0.1), 0.001)
+"""Standard deviation per axis of the noise of a camera's poses, radians and metres."""
 OFF, NEAR = 0.06, 0.015
 """Median over frames of the distance from its nearest keypoint to the object, metres, in clips
 `BESIDE` (at least) and `HOVERING`."""
@@ -91,6 +95,8 @@ def clip_of(name: str) -> Sequence:
         return hovering(clip_of(name.removeprefix(HOVERING)))
     if name.startswith(FILMED):
         return filmed(clip_of(name.removeprefix(FILMED)))
+    if name.startswith(TRACKED):
+        return tracked(clip_of(name.removeprefix(TRACKED)))
     if name == RECORDING:
         return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
@@ -113,6 +119,20 @@ def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -
 
 def filmed(sequence: Sequence) -> Sequence:
     """A clip in the frame of a camera on a moving head, which sees the object half a metre away."""
+    return placed(sequence, head_of(sequence))
+
+
+def tracked(sequence: Sequence) -> Sequence:
+    """The same with the poses of the camera, which are noisy."""
+    generator = seeded_generator("tracked", sequence.source)
+    turn, shift = torch.randn(2, sequence.frames, 3, generator=generator)
+    noise = Rigid(axis_angle_to_matrix(TRACKING[0] * turn), TRACKING[1] * shift)
+    camera = noise.compose(head_of(sequence).inverse())
+    return replace(filmed(sequence), camera_to_world=camera.matrices())
+
+
+def head_of(sequence: Sequence) -> Rigid:
+    """The motion from the world to the camera on a head."""
     frames, generator = sequence.frames, seeded_generator("filmed", sequence.source)
     sigma = HEAD_SECONDS * sequence.fps
     noise = torch.randn(6, frames + round(8 * sigma), generator=generator).numpy()
@@ -120,7 +140,7 @@ def filmed(sequence: Sequence) -> Sequence:
     turn, shift = torch.from_numpy(smooth[:, round(4 * sigma) :][:, :frames]).mT.split(3, dim=1)
     head = axis_angle_to_matrix(math.radians(HEAD_DEGREES) * turn)
     camera = sequence.object.translation.mean((0, 1)) - torch.tensor(EYE)
-    return placed(sequence, Rigid(head, HEAD_SHIFT * shift - head @ camera))
+    return Rigid(head, HEAD_SHIFT * shift - head @ camera)
 
 
 def hovering(sequence: Sequence) -> Sequence:

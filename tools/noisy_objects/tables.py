@@ -20,6 +20,7 @@ from tools.noisy_objects.clips import (
     ROUND_SCANS,
     SHAKEN,
     SPINS,
+    TRACKED,
     WhiteNoise,
 )
 from tools.noisy_objects.filters import ObjectFilter
@@ -36,6 +37,7 @@ HOVERING_CLIPS = tuple(HOVERING + name for name in (RECORDING, "drawer", "bottle
 FILMED_CLIPS = tuple(
     before + name for name in (RECORDING, "mug", "bottle", "pan") for before in ("", FILMED)
 )
+TRACKED_CLIPS = tuple(TRACKED + name for name in (RECORDING, "mug", "bottle", "pan"))
 FILMED_NOISES = ("clean", "gauss", "beta", "bias")
 USUAL: dict[str, Any] = {"preset": "default"}
 Grid = tuple[Sequence[str], Sequence[Any], Sequence[Any], dict[str, Any]]
@@ -52,6 +54,7 @@ GRIDS: dict[str, Grid] = {
     "beside": (BESIDE_CLIPS, HAND_NOISES, ("exact", "shaky_10"), {}),
     "hovering": (HOVERING_CLIPS, HAND_NOISES, ("exact", "shaky_10"), {}),
     "filmed": (FILMED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
+    "tracked": (TRACKED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
     "filmed_trusted": (FILMED_CLIPS, FILMED_NOISES, ("exact",), {"trusted": True}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
     "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),

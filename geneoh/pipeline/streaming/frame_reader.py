@@ -11,16 +11,19 @@ from geneoh.choices import Side
 from geneoh.config import closest_name
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rigid import Rigid
 from geneoh.pipeline.observed import Observed
 from geneoh.readers.arrays import array_of
 from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
 from geneoh.readers.npz.files import hand_arrays
 from geneoh.readers.npz.hands import read_own
-from geneoh.readers.npz.layouts import HAND_FIELDS, quoted
+from geneoh.readers.npz.layouts import CAMERA_POSES, HAND_FIELDS, quoted
 from geneoh.readers.npz.objects import read_object
-from geneoh.readers.records import Record
+from geneoh.readers.object_poses import pose_field
+from geneoh.readers.records import Record, float32
+from geneoh.sequence.placing import camera_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.validation import check_hand, check_object, collapsed
+from geneoh.sequence.validation import check_camera, check_hand, check_object, collapsed
 
 FOUND = {"joints": FEWEST_KEYPOINTS / 21, "pose": 1.0, "wrist": 1.0}
 """Least share of finite values per field of a hand; with fewer the hand counts as lost."""
@@ -39,10 +42,29 @@ class FrameReader:
         self._shape |= {} if hand_model is None else {"hand_model": np.array(hand_model)}
         self._away_from_origin = False
         self._known: tuple[str, ...] = ()
+        self._has_camera: bool | None = None
 
     def observed(self, hand: Any, object_pose: Any, where: str) -> Observed:
         """One frame from the arguments of `Stream.push`; `where` names it in messages."""
         return Observed(self.hand(hand, where), self.object(object_pose, where))
+
+    def camera(self, given: Any, where: str) -> Rigid | None:
+        """The pose of a camera that moves, in one frame, for hand and object in its frame; None
+        for those in the world."""
+        has_camera = given is not None
+        if self._has_camera not in (None, has_camera):
+            got = "one after frames without" if has_camera else "none after frames with one"
+            raise InputError(
+                f"{where}: the camera's pose must be in every frame or in none, got {got}; give "
+                "the last known one where the camera was not tracked"
+            )
+        poses = None
+        if has_camera:
+            record = Record(where, {CAMERA_POSES: framed(given)}, "correct it")
+            poses = float32(pose_field(record, CAMERA_POSES))
+            check_camera(poses, 1, where)
+        self._has_camera = has_camera
+        return camera_of(poses)
 
     def hand(self, given: Any, where: str) -> HandTrack | None:
         """The hand of one frame; None where it is lost."""

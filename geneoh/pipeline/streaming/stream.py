@@ -17,6 +17,7 @@ from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
+from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
@@ -29,6 +30,7 @@ from geneoh.pipeline.streaming.first_look import FirstLook
 from geneoh.pipeline.streaming.frame_reader import FrameReader
 from geneoh.pipeline.streaming.recent import RecentHand
 from geneoh.sequence.normalisation import NETWORK_FPS
+from geneoh.sequence.placing import placed_hand
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
 from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS
 
@@ -154,7 +156,9 @@ class Stream:
         """
         return self._doubts
 
-    def push(self, hand: Any, object_pose: Any = None, *, where: str = "") -> CleanFrame | None:
+    def push(
+        self, hand: Any, object_pose: Any = None, *, camera_to_world: Any = None, where: str = ""
+    ) -> CleanFrame | None:
         """Take the next frame and return the clean frame that is `lag` older, or None at the start.
 
         Args:
@@ -165,6 +169,8 @@ class Stream:
             object_pose: (4, 4) matrix from the object to the world, or a pair of rotation matrix
                 (3, 3) and translation (3,) in metres, with a leading axis of parts if there are
                 several; None or NaN if the object was lost.
+            camera_to_world: (4, 4) pose of a camera that moves, if hand and object are in its frame
+                instead of the world's; then in every frame. The clean hand is in its frame, too.
             where: name of the frame in messages; by default the stream's source and frame number.
 
         Raises:
@@ -180,12 +186,15 @@ class Stream:
             )
         with undisturbed():
             seen = self._reader.observed(hand, object_pose, where)
+            camera = self._reader.camera(camera_to_world, where)
+            seen = seen if camera is None else seen.placed(camera)
             unread = object_pose is not None and not self._meshes and not self._has_unread
             self._tell((*self._look.push(seen, where), *([POSES_UNREAD] if unread else ())))
             self._has_unread |= unread
             self._is_amid = True
             now = self._inward(seen)
             self._lost.append(now.hand is None)
+            self._cameras.append(camera)
             for frame in self._paced(now):
                 made = self._recent.push(frame)
                 self._taken += 1
@@ -230,6 +239,7 @@ class Stream:
         self._has_unread = False  # whether a pose came although there is no mesh
         self._is_amid = False  # whether a push works, or was interrupted
         self._lost: deque[bool] = deque()
+        self._cameras: deque[Rigid | None] = deque()
         self._clean: deque[CleanHand | None] = deque()
         self._count = self._taken = self._given = self._dropped = 0
 
@@ -261,6 +271,9 @@ class Stream:
         after = self._clean[min(1, len(self._clean) - 1)]
         hand, contact = clean_between(self._clean[0], after, min(place - self._dropped, 1.0))
         hand = None if hand is None else self._other_side(hand).to("cpu")
+        camera = self._cameras.popleft()
+        if camera is not None and hand is not None:
+            hand = placed_hand(hand, camera.inverse())
         contact = None if contact is None else contact.cpu()
         frame = CleanFrame(self._given, hand, self._lost.popleft(), contact)
         self._given += 1

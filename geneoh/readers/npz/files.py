@@ -23,9 +23,16 @@ from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz import layouts, objects
 from geneoh.readers.npz.hands import read_hands
-from geneoh.readers.npz.layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
+from geneoh.readers.npz.layouts import (
+    CAMERA_FIELDS,
+    CAMERA_POSES,
+    FORMAT,
+    OBJECT_FIELDS,
+    own_names,
+    quoted,
+)
 from geneoh.readers.object_poses import pose_field, poses_of
-from geneoh.readers.pose_matching import ObjectPoses
+from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.recordings import read_recording
 from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
@@ -49,6 +56,7 @@ RAYS = tuple(own_names(side)["camera_ray"] for side in SIDES)
 CALLERS = {
     "obj_pose": ("the object's motion", "--object-pose", OBJECT_FIELDS, "one of them"),
     "camera_position": ("the camera", "--camera", (*CAMERA_FIELDS, *RAYS), "the option"),
+    CAMERA_POSES: ("the camera's motion", "--camera-pose", (CAMERA_POSES,), "the option"),
 }
 """For each field that the caller may pass: its meaning, the option, the file's fields of the same
 meaning, and what to drop if both are there."""
@@ -68,6 +76,7 @@ def load(
     keypoint_unit: Unit | None = None,
     object_pose: Path | str | Array | None = None,
     camera: Place | str | None = None,
+    camera_pose: Path | str | Array | None = None,
 ) -> Sequence:
     """Read a sequence from an npz in any of the known layouts.
 
@@ -94,6 +103,8 @@ def load(
         camera: position of the camera in the world, metres, for hands that were estimated from
             images, if the file does not state it; (0, 0, 0) or "origin" if the coordinates are in
             the camera's frame.
+        camera_pose: poses of a camera that moves, camera to world, if hands and object are in its
+            frame; as `object_pose`, and known in every frame.
 
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
@@ -103,19 +114,22 @@ def load(
     if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
         bare = {"joint_order": joint_order, "keypoint_unit": keypoint_unit, "camera": camera}
         shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
-        given = {"obj": obj or (), "object_pose": object_pose, **shared, **bare}
+        bare |= {"object_pose": object_pose, "camera_pose": camera_pose}
+        given = {"obj": obj or (), **shared, **bare}
         recording = read_recording(source, Path(path), **given)
         for note in recording.notes:
             LOG.warning("%s: %s", path, note)
         return recording.sequence
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     poses = poses_of(object_pose, "geneoh.load", keypoint_unit)
+    cameras = poses_of(camera_pose, "geneoh.load", keypoint_unit, "camera")
     record = layouts.read_fields(path)
     layout = layouts.layout_of(record)
     record = with_joint_order(record, layout, joint_order)
     record = in_metres(record, layout, keypoint_unit)
     record = with_callers(record, "obj_pose", poses and poses.matrices)
     record = with_callers(record, "camera_position", camera)
+    record = with_callers(record, CAMERA_POSES, cameras and cameras.matrices)
     if meshes is None:
         about_mesh, (meshes, missing) = (), objects.find_meshes(record, path)
     else:
@@ -123,7 +137,7 @@ def load(
     # before the reading, because a misspelt field may be why it fails
     for note in layouts.misspelt_fields(record, layout):
         LOG.warning("%s: %s", path, note)
-    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, poses)
+    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, poses, cameras)
     notes = (*notes, *about_mesh, *([missing] if missing else []))
     for note in notes:
         LOG.warning("%s: %s", path, note)
@@ -178,10 +192,9 @@ def in_metres(record: Record, layout: layouts.Layout, unit: Unit | None) -> Reco
     values = dict(record.values)
     for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
-    if "obj_pose" in record:
-        poses = pose_field(record, "obj_pose").copy()
-        poses[..., :3, 3] *= METRES[unit]
-        values["obj_pose"] = poses
+    for name in {"obj_pose", CAMERA_POSES} & values.keys():
+        values[name] = pose_field(record, name).copy()
+        values[name][..., :3, 3] *= METRES[unit]
     return replace(record, values=values)
 
 
@@ -192,18 +205,21 @@ def sequence_in(
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
-    object_poses: ObjectPoses | None = None,
+    object_poses: PoseTrack | None = None,
+    camera_poses: PoseTrack | None = None,
 ) -> tuple[Sequence, Notes]:
     """The sequence in the fields of a layout, and notes on what was assumed.
 
-    The caller's `object_poses` replace the field 'obj_pose', matched with the hand's frames.
+    The caller's `object_poses` replace the field 'obj_pose', and `camera_poses` the field
+    'camera_to_world', matched with the hand's frames.
     """
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
-    if object_poses is not None:
-        poses, about_poses = object_poses.of_frames(hands[0].frames, record.where, clock)
-        record = replace(record, values={**record.values, "obj_pose": poses})
-        notes = (*about_poses, *notes)
+    for name, track in (("obj_pose", object_poses), (CAMERA_POSES, camera_poses)):
+        if track is not None:
+            poses, about_poses = track.of_frames(hands[0].frames, record.where, clock)
+            record = replace(record, values={**record.values, name: poses})
+            notes = (*about_poses, *notes)
     motion, about_object = with_parts(objects.read_object(record, meshes, hands[0].frames))
     about_object += objects.notes_on_gaps(motion)
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
@@ -213,7 +229,11 @@ def sequence_in(
 
 
 def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
-    """The sequence with the camera ray or position from a file, which holds for all hands."""
+    """The sequence with the camera's ray or position from a file, which holds for all hands, and
+    with its motion."""
+    if CAMERA_POSES in record:
+        poses = float32(pose_field(record, CAMERA_POSES))
+        sequence = replace(sequence, camera_to_world=poses)
     there = [name for name in CAMERA_FIELDS if name in record]
     if len(there) > 1:
         raise InputError(f"{record.where}: got {quoted(there)}; remove one of them")
@@ -257,6 +277,8 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
     about |= {"fps": sequence.fps, "source": sequence.source}
     arrays: Arrays = {name: np.array(value) for name, value in about.items()}
     arrays |= motion_arrays(motion)
+    if sequence.camera_to_world is not None:
+        arrays[CAMERA_POSES] = plain(sequence.camera_to_world)
     models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
     if AS_SHIPPED in models:  # the right hand is the same in both variants
         models.discard(MENDED)

@@ -29,6 +29,8 @@ OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose", "object_va
 """Fields of the object in every layout."""
 CAMERA_FIELDS = ("camera_ray", "camera_position")
 """Fields of the camera that saw all hands, in every layout."""
+CAMERA_POSES = "camera_to_world"
+"""Field of the poses of a moving camera, in every layout."""
 MESH_FIELDS = ("object_files", "object_hashes")
 """Paths and hashes of the object's meshes, in files that geneoh wrote."""
 SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
@@ -164,7 +166,7 @@ def refuse_other_format(record: Record) -> None:
 
 def misspelt_fields(record: Record, layout: Layout) -> list[str]:
     """Warnings for unknown fields whose names resemble a known field that the file lacks."""
-    known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, *MESH_FIELDS}
+    known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, CAMERA_POSES, *MESH_FIELDS}
     missing = sorted(known - set(record.values))
     unknown = [name for name in record.values if name not in known]
     has_poses = any(name in record for name in OBJECT_FIELDS[:3])

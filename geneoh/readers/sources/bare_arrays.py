@@ -120,7 +120,8 @@ def beside_hand(record: Record, options: base.ReaderOptions, notes: Notes) -> di
     elif any(name in record for name in fields):
         motion, unit = read_object(record, options.meshes, 1), METRES[options.keypoint_unit or "m"]
         motion = replace(motion, translation=unit * motion.translation)
-    camera = unread(record, layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
+    fields = (*layouts.CAMERA_FIELDS, layouts.CAMERA_POSES)
+    camera = unread(record, fields, "--from; --camera and --camera-pose give the camera")
     return {"stamps": record, "object_track": motion, "notes": (*notes, *camera)}
 
 

@@ -1,0 +1,251 @@
+"""Hands and object in the frame of a moving camera whose poses are known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import quick_presets
+import torch
+from short_clips import EXAMPLES, example
+
+import geneoh
+from geneoh.errors import InputError
+from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.preparation import CAMERA_CONTRADICTED, CAMERA_REMOVED, MOVING_CAMERA
+from geneoh.pipeline.streaming.stream import Stream
+from geneoh.seeds import seeded_generator
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.placing import camera_of, in_world, placed
+from geneoh.sequence.resample import at_rate
+from geneoh.sequence.sequence import Sequence
+
+FAST = Options(preset="fast")
+
+
+def head(frames: int) -> Rigid:
+    """Poses of a camera that turns and sways, camera to world."""
+    time = torch.arange(frames) / 30
+    waves = torch.stack([torch.sin(pace * time + pace) for pace in (2.1, 2.9, 3.7)], 1)
+    return Rigid(axis_angle_to_matrix(math.radians(15) * waves), 0.05 * waves.flip(1))
+
+
+def seen_by_head(world: Sequence) -> Sequence:
+    """A sequence in the frame of the camera, which is known."""
+    camera = head(world.frames)
+    return replace(placed(world, camera.inverse()), camera_to_world=camera.matrices())
+
+
+def joints_of(sequence: Sequence) -> torch.Tensor:
+    return sequence.hands[0].joints
+
+
+def in_the_world(sequence: Sequence) -> torch.Tensor:
+    return camera_of(sequence.camera_to_world).apply(joints_of(sequence))
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    quick_presets.use(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def shaken() -> Sequence:
+    """The recording with Gaussian noise, in its world."""
+    return corrupt_sequence(example(), "gauss", generator=seeded_generator("camera poses"))
+
+
+@pytest.mark.parametrize("with_object", [True, False])
+@pytest.mark.parametrize("fps", [30.0, 60.0])
+def test_the_result_is_that_of_the_world_in_the_frame_of_the_camera(
+    quick, shaken, fps, with_object
+):
+    world = replace(shaken[40:100], fps=fps)
+    if not with_object:
+        world = replace(world, object=geneoh.ObjectTrack.resting((), world.frames))
+    given = seen_by_head(world)
+    found, wanted = denoise(given, FAST), denoise(world, FAST)
+    moved = in_the_world(found.sequence) - joints_of(wanted.sequence)
+    assert float(moved.norm(dim=-1).max()) < 5e-4
+    assert found.sequence.camera_to_world.equal(given.camera_to_world)
+    assert found.sequence.object.translation.equal(given.object.translation)
+    assert found.sequence.object.rotation.equal(given.object.rotation)
+    assert CAMERA_REMOVED in found.notes
+    assert CAMERA_CONTRADICTED not in found.notes
+    before, after = (result.hands["left"].after.acceleration_mm for result in (found, wanted))
+    assert before == pytest.approx(after, abs=0.1)
+    samples = found.hands["left"].samples
+    assert float((samples[:, 0] - joints_of(found.sequence)[0]).norm(dim=-1).max()) < 0.1
+
+
+def test_refined_poses_of_the_object_are_in_the_frame_of_the_camera(quick, shaken):
+    world = shaken[40:100]
+    shift = 0.004 * torch.randn(60, 1, 3, generator=seeded_generator("poses"))
+    motion = replace(world.object, translation=world.object.translation + shift)
+    world = replace(world, object=motion)
+    refining = replace(FAST, refine_object=True)
+    wanted = denoise(world, refining).sequence.object.translation
+    found = denoise(seen_by_head(world), refining).sequence
+    camera = camera_of(found.camera_to_world)
+    assert float((wanted - motion.translation).norm(dim=-1).mean()) > 0.002
+    assert float((camera.apply(found.object.translation) - wanted).norm(dim=-1).max()) < 1e-3
+
+
+def test_an_object_that_is_lost_while_it_rests_stays_where_it_is_in_the_world():
+    world = example()[:40]
+    still = replace(world.object, translation=world.object.translation[:1].expand(40, -1, -1))
+    given = seen_by_head(replace(world, object=still))
+    seen = torch.ones(40, 1, dtype=torch.bool)
+    seen[10:30] = False
+    lost = given.object.translation.masked_fill(~seen[..., None], torch.nan)
+    given = replace(given, object=replace(given.object, translation=lost, valid=seen))
+    found = denoise(given, replace(FAST, samples=1, steps=1)).sequence
+    places = camera_of(found.camera_to_world).apply(found.object.translation)
+    assert float((places - still.translation).norm(dim=-1).max()) < 1e-4
+    assert found.object.translation[seen].equal(given.object.translation[seen])
+
+
+def test_noise_of_the_camera_does_not_shake_the_hand(shaken):
+    world = shaken[40:100]
+    generator = seeded_generator("camera noise")
+    turn, shift = torch.randn(2, 60, 3, generator=generator)
+    noise = Rigid(axis_angle_to_matrix(math.radians(0.3) * turn), 0.003 * shift)
+    given = seen_by_head(world)
+    tracked = noise.compose(camera_of(given.camera_to_world)).matrices()
+    wanted = denoise(world, FAST).hands["left"].after.acceleration_mm
+    found = denoise(replace(given, camera_to_world=tracked), FAST).sequence
+    joints = camera_of(given.camera_to_world).apply(joints_of(found))
+    # twice as large without smooth poses of the camera
+    assert float(joints.diff(n=2, dim=0).norm(dim=-1).mean()) < 1.3e-3 * wanted
+    assert found.camera_to_world.equal(tracked)
+
+
+def test_poses_that_the_object_contradicts_are_told(quick):
+    world = example()
+    given = seen_by_head(world)
+    inverted = replace(given, camera_to_world=given.camera_to_world.inverse())
+    notes = denoise(inverted, FAST).notes
+    assert CAMERA_CONTRADICTED in notes
+    assert not any(MOVING_CAMERA in note for note in notes)
+    assert CAMERA_CONTRADICTED not in denoise(given, FAST).notes
+
+
+def test_a_file_keeps_the_poses_of_the_camera(tmp_path):
+    given = seen_by_head(example()[:20])
+    geneoh.save(given, tmp_path / "seen.npz")
+    found = geneoh.load(tmp_path / "seen.npz")
+    assert found.camera_to_world.equal(given.camera_to_world)
+    assert found[5:9].camera_to_world.equal(given.camera_to_world[5:9])
+    again = at_rate(at_rate(found, 60.0), 30.0)
+    torch.testing.assert_close(again.camera_to_world, given.camera_to_world, atol=1e-5, rtol=0)
+    assert not np.load(EXAMPLES / "taco_clean.npz").keys() & {"camera_to_world"}
+
+
+@pytest.mark.parametrize("unit", [None, "mm"])
+def test_the_poses_come_from_a_file_beside_the_hands(tmp_path, unit):
+    given = seen_by_head(example()[:20])
+    scale = 1 if unit is None else 1000
+    scaled = given.camera_to_world.clone()
+    scaled[:, :3, 3] *= scale
+    np.save(tmp_path / "camera.npy", scaled.numpy())
+    np.savez(tmp_path / "hand.npz", joints=scale * joints_of(given).numpy(), side="left", fps=30.0)
+    np.save(tmp_path / "hand.npy", scale * joints_of(given).numpy())
+    about = {"camera_pose": tmp_path / "camera.npy", "keypoint_unit": unit}
+    for found in (
+        geneoh.load(tmp_path / "hand.npz", **about),
+        geneoh.load(tmp_path / "hand.npy", side="left", **about),
+        geneoh.read("keypoints", tmp_path / "hand.npy", side="left", **about),
+    ):
+        torch.testing.assert_close(found.camera_to_world, given.camera_to_world)
+        torch.testing.assert_close(joints_of(found), joints_of(given))
+
+
+def test_the_poses_are_given_once(tmp_path):
+    given = seen_by_head(example()[:20])
+    geneoh.save(given, tmp_path / "seen.npz")
+    with pytest.raises(InputError, match="the camera's motion must be given once, got"):
+        geneoh.load(tmp_path / "seen.npz", camera_pose=given.camera_to_world.numpy())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda poses: poses[:-1],
+            "the camera's poses must be one for each of the 20 frames, got 19",
+        ),
+        (lambda poses: poses.index_fill(0, torch.tensor([4]), torch.nan), "finite .* first is 4"),
+        (lambda poses: poses.mT, "must be rigid motions from the camera to the world, got in fr"),
+        (lambda poses: 1.1 * poses, "must be rigid motions from the camera to the world"),
+        (lambda poses: 1e6 * poses, "within 10000 m of the origin"),
+    ],
+    ids=["fewer", "nan", "transposed", "scaled", "far"],
+)
+def test_poses_that_are_none_are_refused(spoil, words):
+    given = seen_by_head(example()[:20])
+    with pytest.raises(InputError, match=words):
+        denoise(replace(given, camera_to_world=spoil(given.camera_to_world)), FAST)
+
+
+def test_a_source_that_knows_its_camera_takes_no_other(tmp_path, monkeypatch):
+    from geneoh.readers import dataset_reader
+    from geneoh.readers.base import ClipParts, ReaderOptions, SourceClip
+    from geneoh.readers.object_poses import poses_of
+
+    hand = example()[:20].hands[0]
+    poses = head(20).matrices().numpy()
+    parts = ClipParts("Tracker", [hand], camera_poses=poses)
+    reader = dataset_reader.DatasetReader(lambda *given: [parts], ("*",))
+    options = ReaderOptions(camera_pose=poses_of(poses, "here", owner="camera"))
+    with pytest.raises(InputError, match="--camera-pose is for hands in the frame of the camera"):
+        reader.read(SourceClip("clip", tmp_path), options)
+
+
+@pytest.mark.parametrize("fps", [30.0, 50.0])
+def test_a_stream_cleans_in_the_world(shaken, fps):
+    world = replace(shaken[40:80], fps=fps)
+    given = seen_by_head(world)
+
+    def cleaned(clip: Sequence) -> torch.Tensor:
+        stream, found = Stream(clip.object.meshes, fps, side="left"), []
+        for frame in range(clip.frames):
+            pose = clip.object.rotation[frame], clip.object.translation[frame]
+            camera = None if clip.camera_to_world is None else clip.camera_to_world[frame]
+            clean = stream.push(joints_of(clip)[frame], pose, camera_to_world=camera)
+            found += [clean] if clean else []
+        found += stream.flush()
+        assert [clean.index for clean in found] == list(range(clip.frames))
+        return torch.cat([clean.hand.joints for clean in found])
+
+    moved = camera_of(given.camera_to_world).apply(cleaned(given)) - cleaned(world)
+    assert float(moved.norm(dim=-1).max()) < 1e-3
+
+
+def test_a_stream_has_a_camera_in_every_frame_or_in_none():
+    stream, joints = Stream(side="left"), joints_of(example())
+    with pytest.raises(InputError, match="'camera_to_world' must be numbers of shape"):
+        stream.push(joints[0], camera_to_world=np.eye(3)[:2])
+    with pytest.raises(InputError, match="must be finite in every frame"):
+        stream.push(joints[0], camera_to_world=np.full((4, 4), np.nan))
+    stream.push(joints[0], camera_to_world=np.eye(4))
+    with pytest.raises(InputError, match="in every frame or in none, got none after frames with"):
+        stream.push(joints[1])
+    stream.push(joints[1], camera_to_world=np.eye(4))
+    stream.flush()
+    stream.push(joints[0])
+    with pytest.raises(InputError, match="got one after frames without"):
+        stream.push(joints[1], camera_to_world=np.eye(4))
+
+
+def test_the_world_of_the_camera_is_where_it_was():
+    world = example()[:20]
+    given = seen_by_head(world)
+    found = in_world(given, camera_of(given.camera_to_world))
+    assert found.camera_to_world is None
+    torch.testing.assert_close(joints_of(found), joints_of(world), atol=1e-6, rtol=0)
+    torch.testing.assert_close(
+        found.object.translation, world.object.translation, atol=1e-6, rtol=0
+    )
