@@ -33,8 +33,8 @@ CAMERA_REMOVED = (
 )
 CAMERA_CONTRADICTED = (
     "by the camera's poses the object moves while no hand moves with it: they may be inverted, of "
-    "other frames or of another scale, as from the images of one camera; the motion that they "
-    "leave was estimated by the object and removed as well"
+    "other frames, of another scale, as from the images of one camera, or of other axes, as y up "
+    "and z backward; the motion that they leave was estimated by the object and removed as well"
 )
 
 

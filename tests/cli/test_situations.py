@@ -377,7 +377,7 @@ SITUATIONS = [
         code=0,
     ),
     Situation(
-        "The poses of the camera are inverted, late or of another scale",
+        "The poses of the camera are inverted, late, of another scale or other axes",
         "note: by the camera's poses the object moves while no hand moves with it",
         by_an_inverted_camera,
         code=0,
