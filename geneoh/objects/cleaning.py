@@ -166,6 +166,8 @@ def _smoothed(
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     least = max(noise[1], EXACT_TRANSLATION / 4)
     placed = steady(middles, chain.kept, least) & there
+    if placed.sum() < 2:  # position and rotation are possible in other frames each
+        placed = seen
     if shakes:
         middles, sure = smooth_points(middles, placed, least)
         weight = np.minimum(weight, sure)

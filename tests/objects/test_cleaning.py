@@ -264,3 +264,15 @@ def test_an_object_that_is_thrown_and_one_that_is_stopped_do_not_jump():
         clean, found = clean_object(motion, FPS)
         assert clean is motion
         assert not found.left_out.any()
+
+
+def test_an_object_whose_position_and_rotation_are_possible_in_other_frames_is_not_relied_on():
+    generator, after = np.random.default_rng(2), np.arange(45) >= 22
+    places = np.where(after[:, None], 1.9, 0.0) + 0.004 * generator.standard_normal((45, 3))
+    places[after] += 0.06 * generator.standard_normal((23, 3))
+    turns = Rotation.from_rotvec(np.outer(after, [2.6, 0, 0]) + 0.01 * places)
+    motion = track_of(WEDGE, turns.as_matrix(), places)
+    clean, found = clean_object(motion, 120.0)
+    assert bool(found.left_out.all())
+    assert bool(clean.translation.isfinite().all())
+    assert float(evidence_of_poses(found, clean, 120.0).max()) < 0.1
