@@ -47,8 +47,11 @@ class ObjectExamination(Bundle):
         """Largest white noise over parts, of the rotation (rad) and the translation (m)."""
         return torch.stack([self.rotation_noise.max(), self.translation_noise.max()])
 
-    def sentences(self) -> Iterator[str]:
-        """Sentences for the user about the object's poses."""
+    def sentences(self, refined: bool = False) -> Iterator[str]:
+        """Sentences for the user about the object's poses; `refined` is whether the result has
+        poses that agree with the clean hands."""
+        cure = "with --refine-object the result has poses that agree with the clean hands, "
+        cure = "" if refined else cure
         for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
             name = self.aligned.name_of(part)
             turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])
@@ -56,8 +59,7 @@ class ObjectExamination(Bundle):
                 yield (
                     f"the pose of {name} shakes by {np.degrees(turns):.1f} degrees and "
                     f"{1000 * shifts:.1f} mm per axis: the hand was cleaned against a smooth track "
-                    "of it; with --refine-object the result has poses that agree with the clean "
-                    "hands, with --trust-object the given ones are taken as exact"
+                    f"of it; {cure}with --trust-object the given ones are taken as exact"
                 )
             if count := int(self.left_out[:, part].sum()):
                 yield f"{numbered(count, 'frame')} in which the pose of {name} jumps, left out"

@@ -81,7 +81,7 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
     notes += filled_poses(motion) if chosen.has_object else ()
     ready = Examined(sequence.hands, motion, torch.ones(len(motion.rotation), 1))
     if chosen.clean_object:
-        ready = examined(sequence.hands, motion, sequence.fps)
+        ready = examined(sequence.hands, motion, sequence.fps, options.refine_object)
     given = replace(sequence, hands=ready.hands)
     seen, ray_notes = with_found_rays(replace(given, object=ready.met), chosen)
     notes += [*ready.notes, *ray_notes]

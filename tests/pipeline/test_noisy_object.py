@@ -93,8 +93,10 @@ def test_the_time_of_a_stage_that_runs_twice_is_the_sum(shaking, monkeypatch):
 
 def test_the_object_of_the_input_is_kept_unless_a_cleaned_one_is_asked_for(cleaned, shaking):
     assert cleaned.sequence.object is shaking.object
-    refined = geneoh.denoise(shaking[:40], replace(FAST, refine_object=True)).sequence.object
-    given = shaking[:40].object
+    solved = geneoh.denoise(shaking[:40], replace(FAST, refine_object=True))
+    asked = [any("with --refine-object" in note for note in r.notes) for r in (cleaned, solved)]
+    assert asked == [True, False]
+    refined, given = solved.sequence.object, shaking[:40].object
     steps = [track.translation.diff(n=2, dim=0).norm(dim=-1).mean() for track in (refined, given)]
     assert steps[0] < 0.3 * steps[1]
 

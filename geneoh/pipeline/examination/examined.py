@@ -37,8 +37,12 @@ class Examined:
         return self.object.of_parts(self.object.seen_parts) if self.object.meshes else self.object
 
 
-def examined(hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float) -> Examined:
-    """Hands and object after examination of the object's track, cleaned where it is noisy."""
+def examined(
+    hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float, refined: bool = False
+) -> Examined:
+    """Hands and object after examination of the object's track, cleaned where it is noisy.
+
+    `refined` is whether the result has poses of the object that agree with the clean hands."""
     palms = tuple(map(palm_of, hands))
     motion, repeated = without_repeats(motion)
     motion, examination = clean_object(motion, fps, palms)
@@ -51,5 +55,5 @@ def examined(hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float) -> E
         relied=relied[:, sharp.object.seen_parts],
         undone=tuple(h for h, new in zip(hands, sharp.hands, strict=True) if new is not h),
         examination=examination,
-        notes=(*repeated, *examination.sentences(), *sharp.notes),
+        notes=(*repeated, *examination.sentences(refined), *sharp.notes),
     )
