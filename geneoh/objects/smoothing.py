@@ -19,6 +19,8 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.geometry.rigid import Rigid
+from geneoh.sequence.placing import camera_of
+from geneoh.sequence.sequence import Sequence
 
 CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
 FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of 5 standard deviations weigh 0.1
@@ -153,10 +155,12 @@ def smooth_rotations(
     return track, weight
 
 
-def smooth_poses(poses: Rigid) -> Rigid:
-    """A track of poses without its own white noise, such as those of a camera; one without noise,
-    or with fewer than `LEAST_FRAMES` frames, hardly changes."""
-    if len(poses.rotation) < LEAST_FRAMES:
+def steady_camera(sequence: Sequence) -> Rigid | None:
+    """The poses of the moving camera of a sequence, camera to world, without their white noise;
+    poses without noise hardly change, and fewer than `LEAST_FRAMES` not at all. None where the
+    sequence is in the world."""
+    poses = camera_of(sequence.camera_to_world)
+    if poses is None or len(poses.rotation) < LEAST_FRAMES:
         return poses
     places = poses.translation.double().cpu().numpy()
     turns = Rotation.from_matrix(poses.rotation.double().cpu().numpy())

@@ -19,7 +19,7 @@ from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.refine import refine_object
-from geneoh.objects.smoothing import smooth_poses
+from geneoh.objects.smoothing import steady_camera
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.following import without_following
@@ -34,7 +34,7 @@ from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
 from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
-from geneoh.sequence.placing import camera_of, in_world
+from geneoh.sequence.placing import in_world
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -98,9 +98,8 @@ def denoise(
         sequence = replace(sequence, hands=hands)
         if taken.object.meshes and taken.object.is_seen:
             sequence = with_hands_earlier(sequence, options.hand_delay)
-        given, camera = sequence, camera_of(sequence.camera_to_world)
+        given, camera = sequence, steady_camera(sequence)
         if camera is not None:
-            camera = smooth_poses(camera)
             sequence = in_world(sequence, camera)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)

@@ -17,8 +17,10 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.metrics.report import FrameMeasures
+from geneoh.objects.smoothing import steady_camera
 from geneoh.readers.bodies.base import BodyRecording
-from geneoh.sequence.resample import nearest_frames
+from geneoh.sequence.placing import in_world
+from geneoh.sequence.resample import nearest_frames, poses_over_frames
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.validation import check_tracks
 from geneoh.sequence.windows import blocks
@@ -190,10 +192,11 @@ def make_scene(
 ) -> Scene:
     """Pose every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; without a mesh only hands are shown. Nothing is
-    measured against a part that was never seen. A hand model is fitted to a hand that has only
-    keypoints. Betas of MANO get MANO's mesh where the user has its files, else the embedded hand
-    fitted to the same bones.
+    The object is that of the last sequence; without a mesh only hands are shown. What a moving
+    camera saw is shown in the world, if the camera's poses are known. Nothing is measured against a
+    part that was never seen. A hand model is fitted to a hand that has only keypoints. Betas of
+    MANO get MANO's mesh where the user has its files, else the embedded hand fitted to the same
+    bones.
 
     `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
     """
@@ -207,6 +210,14 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
+    samples = samples or {}
+    if (camera := steady_camera(last)) is not None:
+        sequences = {name: in_world(sequence, camera) for name, sequence in sequences.items()}
+        last = sequences[last_title]
+        samples = {
+            side: poses_over_frames(camera, drawn.shape[1]).apply(drawn)
+            for side, drawn in samples.items()
+        }
     met = last.object.of_parts(last.object.seen_parts) if last.object.meshes else last.object
     distance_of = partial(_distances, cache(met.surface)) if met.meshes else None
     versions = []
@@ -215,7 +226,7 @@ def make_scene(
         versions.append(Version(name, tuple(hands)))
     paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
         side: drawn[:, nearest_frames(drawn.shape[1], last.frames)]
-        for side, drawn in (samples or {}).items()
+        for side, drawn in samples.items()
     }
     scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
     return scene if body is None else with_body(scene, body)

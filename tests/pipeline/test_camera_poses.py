@@ -22,6 +22,7 @@ from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import camera_of, in_world, placed
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import Sequence
+from geneoh.viz.scene import make_scene
 
 FAST = Options(preset="fast")
 
@@ -202,6 +203,23 @@ def test_a_source_that_knows_its_camera_takes_no_other(tmp_path, monkeypatch):
     options = ReaderOptions(camera_pose=poses_of(poses, "here", owner="camera"))
     with pytest.raises(InputError, match="--camera-pose is for hands in the frame of the camera"):
         reader.read(SourceClip("clip", tmp_path), options)
+
+
+def test_pictures_show_the_world(quick, shaken):
+    world = shaken[40:60]
+    given = seen_by_head(world)
+    result = denoise(given, replace(FAST, samples=2))
+    samples = {"left": result.hands["left"].samples}
+    scene = make_scene({"before": given, "after": result.sequence}, samples=samples)
+    still = make_scene({"before": world})
+    (seen,), (wanted,) = scene.versions[0].hands, still.versions[0].hands
+    assert float((seen.verts - wanted.verts).norm(dim=-1).max()) < 2e-3
+    assert float((scene.object.translation - world.object.translation).norm(dim=-1).max()) < 1e-3
+    middle = in_the_world(result.sequence).mean(1)
+    assert float((scene.samples["left"].mean((0, 2)) - middle).norm(dim=-1).max()) < 0.05
+    assert scene.means(scene.versions[1])["acceleration_mm"] == pytest.approx(
+        result.hands["left"].after.acceleration_mm, abs=0.5
+    )
 
 
 @pytest.mark.parametrize("fps", [30.0, 50.0])
