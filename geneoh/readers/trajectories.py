@@ -1,9 +1,9 @@
-"""Trajectories of one object in tables and JSON, as trackers and robots write them.
+"""Trajectories of an object or a camera in tables and JSON, as trackers and robots write them.
 
 A row is a pose, object to the hand's frame: a translation and a quaternion in named columns or
 fields, such as `tx`, `qw`, `pose.position.x` or `q_RS_w []`, or a matrix in row-major order.
 Without names, space-separated rows of 8 numbers have TUM's format (time, translation, quaternion
-xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4 are whole matrices.
+xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4, as in logs of Open3D, are whole matrices.
 """
 
 import re
@@ -92,6 +92,7 @@ def table_in_text(path: Path) -> Table:
     rows = [cells_of(line, separator) for line in data]
     heads = [cells_of(line.lstrip("#% "), separator, ",") for line in lines[:start]]
     names = next((head for head in reversed(heads) if any(map(is_known_column, head))), [])
+    rows = matrices_of_log(rows)
     widths = {len(row) for row in rows}
     if len(widths) > 1 or (names and {len(names)} != widths):
         got = f"{len(names)} names and " if names else ""
@@ -107,6 +108,15 @@ def table_in_text(path: Path) -> Table:
         for row in rows
     ]
     return Table(path, names, np.array(numbers))
+
+
+def matrices_of_log(rows: list[list[str]]) -> list[list[str]]:
+    """The rows of the matrices in a log of Open3D, where three numbers stand above each, and the
+    last one may be cut off; rows of other texts as they are."""
+    if len(rows) < 5 or any(len(row) != (4 if at % 5 else 3) for at, row in enumerate(rows)):
+        return rows
+    whole = len(rows) // 5 * 5
+    return [row for row in rows[:whole] if len(row) == 4]
 
 
 def cells_of(line: str, separator: str | None, comma: str = ".") -> list[str]:

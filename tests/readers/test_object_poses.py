@@ -56,6 +56,10 @@ TRAJECTORIES = {
     "kitti": table("", POSES[:, :3].reshape(-1, 12), comma=" "),
     "16 numbers": table("", POSES.reshape(-1, 16)),
     "blocks": "\n".join(table("", pose, comma=" ") for pose in POSES),
+    "log of open3d": "\n".join(f"0 0 1\n{table('', pose, comma=' ')}" for pose in POSES),
+    "cut log of open3d": "\n".join(
+        f"0 0 1\n{table('', pose, comma=' ')}" for pose in (*POSES, POSES[0][:2])
+    ),
     "euroc": table(EUROC, TIMES * 1e9, PLACES, WXYZ, PLACES),
     "ros": table(ROS, TIMES * 1e9, TIMES * np.nan, PLACES, XYZW),
     "ros 2": table(ROS_2, TIMES // 1, TIMES % 1 * 1e9, PLACES, XYZW),

@@ -31,6 +31,8 @@ from geneoh.readers.foreign_files import by_frame, frame_number, read_record
 from geneoh.readers.joint_orders import openpose_order
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, as_record
+from geneoh.readers.trajectories import read_trajectory
+from geneoh.readers.transforms import refuse_bottom_row
 
 ID_PARTS = 7
 """Parts of a sequence's name: camera, person, category, instance, room, layout, task."""
@@ -42,8 +44,6 @@ CATEGORIES = {
 }
 SWAPPED = ("Laptop", "Scissors")
 """Categories whose first pose belongs to part 1, and whose second pose to part 0."""
-TRAJECTORY_BLOCK = 5
-"""Lines of each camera pose in an Open3D trajectory: a heading and the four rows of its matrix."""
 GAP_LIMIT, GAP_GAIN = 0.02, 0.5
 """Gap in metres between two parts, and ratio of the gap with exchanged poses to it, that show that
 the poses are exchanged."""
@@ -147,22 +147,14 @@ def part_pose(part: Record) -> Array:
 
 
 def read_cameras(path: Path, frames: int) -> tuple[Array | None, Notes]:
-    """(T, 4, 4) camera to world, out of an Open3D trajectory."""
+    """(T, 4, 4) camera to world, out of a log of Open3D."""
     if not path.is_file():
         return None, ("camera frame: there are no camera poses",)
-    rows = [line.split() for line in foreign_files.read_text(path).splitlines() if line.strip()]
-    if len(rows) < TRAJECTORY_BLOCK * frames:
-        count = len(rows) // TRAJECTORY_BLOCK
-        return None, (f"camera frame: camera poses of {count} of {frames} frames",)
-    starts = range(1, TRAJECTORY_BLOCK * frames, TRAJECTORY_BLOCK)
-    try:
-        cameras = np.array([rows[k : k + 4] for k in starts], dtype=np.float64)
-        cameras = cameras.reshape(frames, 4, 4)
-    except ValueError:
-        raise InputError(f"{path}: expected an Open3D trajectory; it is damaged") from None
-    if not np.allclose(cameras[:, 3], [0, 0, 0, 1], atol=1e-3):
-        raise InputError(f"{path}: expected 4x4 matrices that end in 0 0 0 1; it is damaged")
-    return cameras, ()
+    cameras = read_trajectory(path).matrices
+    if len(cameras) < frames:
+        return None, (f"camera frame: camera poses of {len(cameras)} of {frames} frames",)
+    refuse_bottom_row(str(path), "the camera's poses", cameras)
+    return cameras[:frames], ()
 
 
 def read_meshes(
