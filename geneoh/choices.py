@@ -130,7 +130,7 @@ data set; "recorded", none, because the recording itself is noisy and has no gro
 "clean", none, with the recording as the ground truth."""
 CASE_NOISES: tuple[CaseNoise, ...] = get_args(CaseNoise)
 
-JointOrder = Literal["openpose", "mano", "fphab", "aria", "webxr", "openxr"]
+JointOrder = Literal["openpose", "mano", "mano16", "fphab", "aria", "webxr", "openxr"]
 """Orders of the keypoints of one hand; see `geneoh.readers.joint_orders`."""
 JOINT_ORDERS: tuple[JointOrder, ...] = get_args(JointOrder)
 

@@ -24,6 +24,7 @@ class Order:
 ORDERS: dict[JointOrder, Order] = {
     "openpose": Order(21, tuple(range(21))),
     "mano": Order(21, (0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20)),
+    "mano16": Order(16, (0, 13, 14, 15, -1, 1, 2, 3, -1, 4, 5, 6, -1, 10, 11, 12, -1, 7, 8, 9, -1)),
     "fphab": Order(21, (0, 1, 6, 7, 8, 2, 9, 10, 11, 3, 12, 13, 14, 4, 15, 16, 17, 5, 18, 19, 20)),
     "aria": Order(21, (5, -1, 6, 7, 0, 8, 9, 10, 1, 11, 12, 13, 2, 14, 15, 16, 3, 17, 18, 19, 4)),
     "webxr": Order(25, (0, 1, 2, 3, 4, 6, 7, 8, 9, 11, 12, 13, 14, 16, 17, 18, 19, 21, 22, 23, 24)),
@@ -44,11 +45,13 @@ the true order has the shortest bones, with up to 40 mm of noise."""
 def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
     """(T, 21, 3) keypoints in OpenPose's order, from (T, N, 3) in another one.
 
-    Also (21,) confidence: 0 for a keypoint that the order lacks and that was estimated, else 1.
+    Also (21,) confidence: 0 for a keypoint that the order lacks, else 1. The base of the thumb is
+    then estimated; fingertips are NaN.
     """
     entries = np.array(ORDERS[order].entries)
     joints = points[:, np.maximum(entries, 0)].copy()
-    if (entries < 0).any():  # only ever the base of the thumb
+    joints[:, entries < 0] = np.nan
+    if entries[THUMB_BASE] < 0:
         way = joints[:, THUMB_NEXT] - joints[:, 0]
         joints[:, THUMB_BASE] = joints[:, 0] + THUMB_BASE_SHARE * way
     return joints, (entries >= 0).astype(np.float64)

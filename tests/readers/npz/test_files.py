@@ -250,14 +250,19 @@ def test_keypoints_in_another_order_than_the_named_one_are_refused(tmp_path):
         load(tmp_path / "hand.npy", side="right", joint_order="fphab")
 
 
-@pytest.mark.parametrize(("count", "order"), [(25, "webxr"), (26, "openxr")])
+@pytest.mark.parametrize(("count", "order"), [(16, "mano16"), (25, "webxr"), (26, "openxr")])
 def test_keypoints_of_another_number_are_refused_with_the_order_that_has_it(count, order, tmp_path):
-    joints = np.zeros((FRAMES, count, 3))
-    joints[:, list(ORDERS[order].entries)] = good_arrays()["joints"]
+    joints, entries = np.zeros((FRAMES, count, 3)), np.array(ORDERS[order].entries)
+    known, good = entries >= 0, good_arrays()["joints"]
+    joints[:, entries[known]] = good[:, known]
     with_arrays(joints=joints)(tmp_path)
     with pytest.raises(InputError, match=f"; name their order with --joint-order {order}$"):
         load(tmp_path / "hand.npz")
-    assert load(tmp_path / "hand.npz", joint_order=order).hands[0].joints.shape == (FRAMES, 21, 3)
+    hand = load(tmp_path / "hand.npz", joint_order=order).hands[0]
+    np.testing.assert_allclose(hand.joints[:, known], good[:, known], rtol=1e-6)
+    if not known.all():  # fingertips
+        assert not hand.confidence[:, ~known].any()
+        assert hand.confidence[:, known].all()
 
 
 def in_order_mano(joints):
