@@ -4,13 +4,16 @@ import re
 from itertools import pairwise
 
 _VOWELS = "aeiou"
-_DOUBLED = frozenset({"transfer", "uncap", "unplug", "unzip"})
+_DOUBLED = frozenset({"transfer", "uncap", "unplug", "unwrap", "unzip"})
 """Verbs of two syllables that double their last letter, as verbs of one syllable do."""
 _IRREGULAR = """
-    break broken, bring brought, cut cut, draw drawn, drink drunk, eat eaten, feel felt, fly flown,
-    give given, grind ground, hold held, lay laid, make made, put put, read read, see seen, set set,
-    shake shaken, shut shut, slide slid, spin spun, sweep swept, swing swung, take taken, tie tied,
-    wear worn, wind wound, write written
+    beat beaten, bend bent, bite bitten, break broken, bring brought, catch caught, cut cut,
+    draw drawn, drink drunk, drive driven, eat eaten, feel felt, fight fought, fling flung,
+    fly flown, give given, go gone, grind ground, hang hung, hit hit, hold held, keep kept,
+    lay laid, let let, make made, put put, read read, ring rung, rise risen, say said, see seen,
+    set set, sew sewn, shake shaken, show shown, shut shut, slide slid, spin spun, split split,
+    spread spread, stand stood, strike struck, sweep swept, swing swung, take taken, tear torn,
+    throw thrown, tie tied, wear worn, wind wound, wring wrung, write written
 """
 _PARTICIPLES: dict[str, str] = dict(re.findall(r"(\w+) (\w+)", _IRREGULAR))
 """Past participles that no rule gives."""
@@ -31,7 +34,8 @@ def third_person(verb: str) -> str:
     word, rest = _split(verb)
     if _ends_in_y(word):
         return f"{word[:-1]}ies{rest}"
-    return f"{word}{'es' if word.endswith(('s', 'x', 'z', 'ch', 'sh', 'o')) else 's'}{rest}"
+    hissing = word.endswith(("s", "x", "z", "ch", "sh", "o")) and not word.endswith("oo")
+    return f"{word}{'es' if hissing else 's'}{rest}"
 
 
 def participle(verb: str) -> str:
