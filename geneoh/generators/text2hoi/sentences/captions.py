@@ -72,13 +72,13 @@ UNSEEN_PHRASINGS = (
 """Phrasings that no training caption has, for validation."""
 
 
-def captions(verb: str, noun: str, hands: HandsName) -> list[str]:
+def captions(verb: str, noun: str, hands: HandsName, phrase: str | None = None) -> list[str]:
     """The four phrasings of the paper: plain, gerund, with the hand as subject, passive.
 
-    `verb` is one of `geneoh.synthesis.actions.action.VERBS` or a verb of a data set; `noun` gets
-    its article here.
+    `verb` is one of `geneoh.synthesis.actions.action.VERBS` or a verb of a data set, and `phrase`
+    what stands for it; `noun` gets its article here.
     """
-    verb = VERB_WORDS.get(verb, (verb,))[0]
+    verb = phrase or VERB_WORDS.get(verb, (verb,))[0]
     thing, hand = with_article(noun), with_the(hands)
     does = verb if hands == "both hands" else third_person(verb)
     return [
@@ -106,7 +106,7 @@ def caption(
     """
     phrase = one_of(synonyms or VERB_WORDS.get(verb, (verb,)), generator)
     if hands is not None and chance(0.5, generator):
-        return one_of(captions(phrase if synonyms else verb, noun, hands), generator)
+        return one_of(captions(verb, noun, hands, phrase if synonyms else None), generator)
     held = one_of(NOUN_WORDS.get(noun, (noun,)), generator)
     sentence = _phrased(phrase, held, hands, _tail(verb, hands, giver, generator), generator)
     if chance(0.1, generator):

@@ -1,5 +1,6 @@
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.choices import HANDS
 from geneoh.generators.text2hoi.sentences.captions import caption, captions
@@ -32,6 +33,14 @@ def test_plural_nouns_take_no_article_and_are():
 
 def test_pouring_names_what_is_poured_from():
     assert captions("pour", "kettle", "right hand")[0] == "Pour from a kettle with the right hand."
+
+
+def test_words_in_place_of_a_verbs_own_are_in_all_phrasings():
+    said = (
+        caption("pour", "milk", "right hand", generator=seeded(seed), synonyms=("pour",))
+        for seed in range(60)
+    )
+    assert not any(" from milk" in sentence for sentence in said)
 
 
 @pytest.mark.parametrize("hands", HANDS)
