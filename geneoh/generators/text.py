@@ -31,8 +31,9 @@ KEPT = 4096
 
 
 def words_of(sentence: str) -> list[str]:
-    """The words of a sentence in lower case, without punctuation."""
-    return re.findall(r"[^\W_]+(?:'[^\W_]+)?", sentence.lower())
+    """The words of a sentence in lower case, without punctuation; a typographic apostrophe becomes
+    a plain one."""
+    return re.findall(r"[^\W_]+(?:'[^\W_]+)?", sentence.lower().replace("\u2019", "'"))
 
 
 def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:

@@ -18,6 +18,7 @@ def test_words_are_lower_case_without_punctuation():
     assert words_of("Lift the MUG, with one's left-hand!") == [
         *("lift", "the", "mug", "with", "one's", "left", "hand")
     ]
+    assert words_of("one\u2019s hand") == ["one's", "hand"]
     assert words_of("Füße naïve") == ["füße", "naïve"]
 
 

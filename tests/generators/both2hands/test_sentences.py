@@ -56,6 +56,7 @@ def test_a_sentence_in_another_language_is_refused(sentence):
     [
         ("the left hand waves and does not wave", "the left one is to wave and is not to wave"),
         ("Both hands clap; the right doesn't clap.", "the right one is to clap and is not"),
+        ("Both hands clap; the right doesn\u2019t clap.", "the right one is to clap and is not"),
         ("waves without waving", "is to wave and is not to wave"),
     ],
 )

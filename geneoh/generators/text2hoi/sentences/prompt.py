@@ -92,7 +92,7 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     sentence = " ".join(text.split())
     words, on = words_of(sentence), "hands and an object"
     check_english(sentence, words, known_words(), on=on, example=EXAMPLE)
-    rest, rate_notes = without_rate(sentence.replace("\u2019", "'"))
+    rest, rate_notes = without_rate(sentence)
     rest, stated = stated_length(rest)
     rest, amount_notes = without_amounts(rest)
     length = length_in_frames(sentence, stated) if frames is None else None
