@@ -18,6 +18,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.files.atomic import make_folder
+from geneoh.files.reading import SIZE_LIMIT, open_text
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh, size_warning
@@ -152,7 +153,7 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
         middle = (mesh.verts.amin(0) + mesh.verts.amax(0)) / 2
         meshes.append(Mesh(mesh.verts - middle, mesh.faces))
     listed, held_out = folder / HELD_OUT_FILE, list[str]()
-    lines = listed.read_text("utf-8").splitlines() if listed.exists() else []
+    lines = _text_of(listed).splitlines() if listed.exists() else []
     for name in filter(None, map(str.strip, lines)):
         found = [path.name for path in paths if name in (path.name, path.stem)]
         if not found:
@@ -160,13 +161,19 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
                 f"{listed}: '{name}' is no mesh of this folder; correct the name or remove it"
             )
         held_out += found
-    notices = sorted({path for pattern in NOTICES for path in folder.glob(pattern)})
+    notices = {path for pattern in NOTICES for path in folder.glob(pattern) if path.is_file()}
     return MeshFolder(
         tuple(path.name for path in paths),
         tuple(held_out),
-        "\n".join(path.read_text("utf-8") for path in notices),
+        "\n".join(map(_text_of, sorted(notices))),
         tuple(meshes),
     )
+
+
+def _text_of(path: Path) -> str:
+    """The text of a file; letters that are not UTF-8 are replaced."""
+    with open_text(path, SIZE_LIMIT) as file:
+        return file.read()
 
 
 def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:

@@ -274,6 +274,15 @@ def test_names_with_blanks_and_of_several_endings_can_be_held_out(folder, tmp_pa
     assert set(read_folder(tmp_path).held_out) == {"red mug.ply", "pan.ply", "pan.obj"}
 
 
+def test_words_beside_the_meshes_may_be_of_any_program_and_lie_in_folders(folder, tmp_path):
+    shutil.copy(folder / "ball.ply", tmp_path)
+    (tmp_path / "LICENSES").mkdir()
+    (tmp_path / "README.txt").write_bytes("Größe".encode("latin-1"))
+    (tmp_path / "held_out.txt").write_text("ball\n", encoding="utf-8-sig")
+    found = read_folder(tmp_path)
+    assert (found.held_out, found.notice) == (("ball.ply",), "Gr\ufffd\ufffde")
+
+
 def test_meshes_in_millimetres_are_read_with_their_unit(folder, tmp_path):
     mesh = trimesh.load_mesh(folder / "ball.ply")
     mesh.apply_scale(1000).export(tmp_path / "ball.ply")
