@@ -113,15 +113,18 @@ _SINGULAR = {"cups": "cup", "baseball": "ball", "softball": "ball", "racquetball
 def noun_of(name: str) -> str:
     """The noun for an object family ("wine_glass") or a scanned object ("gso_black_razer_mouse").
 
-    A leading source and number are dropped; for a name that is not in the table the last word is
-    the noun.
+    For a name that is not in the table the last word is the noun, and "object" if there is none.
     """
+    words = words_of_name(name)
+    last = words[-1] if words else "object"
+    return _NOUNS.get("_".join(words)) or _SINGULAR.get(last, last)
+
+
+def words_of_name(name: str) -> list[str]:
+    """The words of an object's name without its source and numbers."""
     plain = re.sub(r"^(gso|ycb)_", "", name.lower())
     plain = re.sub(r"^\d+(-[a-z])?_", "", plain)
-    if plain in _NOUNS:
-        return _NOUNS[plain]
-    last = plain.split("_")[-1]
-    return _SINGULAR.get(last, last)
+    return [word for word in plain.split("_") if word.strip("0123456789")]
 
 
 def with_article(noun: str) -> str:

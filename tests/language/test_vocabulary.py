@@ -32,6 +32,9 @@ def test_every_object_has_a_noun_of_plain_words():
         ("loop_tool", "shears"),
         ("wine_glass", "wine glass"),
         ("gso_nintendo_3ds", "game console"),
+        ("wine_glass_02", "wine glass"),
+        ("kettle_", "kettle"),
+        ("000003", "object"),
     ],
 )
 def test_noun_of_names(name, noun):

@@ -11,6 +11,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.language.vocabulary import words_of_name
 from geneoh.synthesis.actions.action import VERBS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.bimanual import HandPairs
@@ -174,7 +175,7 @@ def _possible(
 
 def is_container(family: str) -> bool:
     """Whether something may be poured from an object of this family or scan."""
-    last = Path(family).stem.replace("_", " ").split()[-1]
+    *_, last = "", *words_of_name(Path(family).stem.replace(" ", "_"))
     return family in CONTAINERS or last.rstrip("s") in CONTAINER_WORDS
 
 

@@ -211,6 +211,8 @@ def test_hands_below_the_table_do_nothing():
         (CONTAINERS[0], True),
         ("ycb_065-a_cups.ply", True),
         ("ycb_005_tomato_soup_can", True),
+        ("blue mug_2.obj", True),
+        ("_.obj", False),
         ("box", False),
         ("gso_can_opener", False),
         ("ycb_028_skillet_lid", False),
