@@ -18,9 +18,13 @@ from geneoh.files.reading import DAMAGE
 
 SEQUENCE_FORMAT: Final = "geneoh-sequence"
 """The field `format` of a geneoh-sequence npz."""
-SMPLX_NAMES = ("side", "hand_model", "flat_hand_mean", "transl", "joints", "valid")
-SMPLX_MARK = {f"{name}.npy" for name in SMPLX_NAMES}
-"""Archive members that together occur only in our npz files under smplx names."""
+SMPLX_NAMES = (
+    ("side", "hand_model", "flat_hand_mean", "transl", "joints", "valid"),
+    ("body_pose", "left_hand_pose", "right_hand_pose", "mocap_frame_rate", "body_offsets"),
+)
+SMPLX_MARKS = [{f"{name}.npy" for name in names} for names in SMPLX_NAMES]
+"""Archive members that together occur only in our npz files under smplx names: of hands, of
+bodies."""
 HEAD_MARKS = {
     ".html": b'<meta name="generator" content="geneoh">',
     ".png": b"tEXtSoftware\0geneoh",
@@ -158,7 +162,7 @@ def _is_our_archive(path: Path) -> bool:
             # users write our formats as well, by numpy
             if any(each.external_attr != OWN_ATTRIBUTES for each in archive.infolist()):
                 return False
-            if names >= SMPLX_MARK:
+            if any(names >= mark for mark in SMPLX_MARKS):
                 return True
             if "format.npy" not in names or archive.getinfo("format.npy").file_size > MARK_BYTES:
                 return False

@@ -13,6 +13,7 @@ from PIL import Image
 from geneoh.body.motion import pose, turned_body
 from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.errors import InputError
+from geneoh.files.outputs import is_ours
 from geneoh.readers.bodies.read import read_body
 from geneoh.viz.camera import cameras
 from geneoh.viz.look import BODY_COLOUR
@@ -79,6 +80,11 @@ def test_other_programs_get_the_body_with_its_fingers(body, file, tmp_path):
         found = read_body(view(file, tmp_path / name)).file_motion
         torch.testing.assert_close(found.rotations, motion.rotations, atol=1e-4, rtol=0)
         torch.testing.assert_close(found.root, motion.root, atol=1e-5, rtol=0)
+
+
+def test_parameters_of_a_body_are_ours_and_replaced_without_asking(file, tmp_path):
+    for _ in range(2):
+        assert is_ours(view(file, tmp_path / "a.npz"))
 
 
 def test_bvh_and_glb_face_the_same_way(body, file, tmp_path):
