@@ -146,8 +146,10 @@ class Scene:
 
     @property
     def has_object(self) -> bool:
-        """Whether there is a mesh besides the limbs of a body."""
-        return len(self.object.meshes) > len(self.limbs)
+        """Whether there is a mesh besides the limbs of a body, against which hands are measured."""
+        hands = (hand for version in self.versions for hand in version.hands)
+        measured = any(hand.distance_of is not None for hand in hands)
+        return measured and len(self.object.meshes) > len(self.limbs)
 
     def shows(self, colouring: Colouring) -> bool:
         """Whether there is data for a colouring: expected errors for "spread", else an object."""

@@ -4,12 +4,14 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from pages import page_scene
 
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
 from geneoh.viz.look import LARGEST_DEPTH, SKIN_COLOUR, ramp_colours, ramp_position
+from geneoh.viz.outputs import refuse_colouring, write
 from geneoh.viz.scene import make_scene
 
 
@@ -81,6 +83,17 @@ def test_nothing_is_measured_against_a_part_that_was_never_seen(scene, track):
     both, one = (make_scene({"clip": each}).versions[0].measures for each in (moving, hidden))
     assert float(both.depth.min()) > 0.005  # the hand sinks into the first part
     assert float(one.depth.max()) == 0
+
+
+def test_an_object_of_which_no_part_was_seen_is_as_none(scene, track, tmp_path):
+    moving = replace_hands(scene, track)
+    lost = replace(moving.object, valid=torch.zeros(len(track.pose), 2, dtype=torch.bool))
+    shown = make_scene({"clip": replace(moving, object=lost)})
+    assert not shown.has_object
+    (version,) = page_scene(write(shown, tmp_path / "clip.html"))["versions"]
+    assert version["curves"].keys() == {"acceleration"}
+    with pytest.raises(InputError, match="the colour contact needs an object"):
+        refuse_colouring(shown, "contact")
 
 
 def test_means_are_over_the_frames_that_the_input_has(scene):
