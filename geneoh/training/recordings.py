@@ -232,7 +232,9 @@ def spans(
             pieces = frames // config.shortest
         edges = torch.linspace(run.start, run.stop, pieces + 1).round().long().tolist()
         for start, stop in pairwise(edges):
-            yield start, min(stop - start, config.longest)
+            length = min(stop - start, config.longest)
+            left_out["beyond the longest clip"] += stop - start - length
+            yield start, length
 
 
 def drawn_surface(

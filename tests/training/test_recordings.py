@@ -164,6 +164,13 @@ def test_stretches_are_cut_into_equal_clips_of_allowed_length(kept, wanted):
     assert sum(left_out.values()) + sum(length for _, length in wanted) == int(mask.sum())
 
 
+def test_frames_that_no_clip_of_allowed_length_has_room_for_are_counted():
+    left_out: Counter[str] = Counter()
+    mask = torch.ones(8, dtype=torch.bool)
+    assert list(spans(mask, ClipConfig(shortest=5, longest=7), left_out)) == [(0, 7)]
+    assert left_out.total() == 1
+
+
 def test_a_second_run_reads_what_the_first_one_made(example, tmp_path):
     (shard,) = cut("sequences", example, tmp_path / "out")
     made = shard.stat().st_mtime_ns
