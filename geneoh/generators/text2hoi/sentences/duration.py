@@ -26,7 +26,7 @@ _ABOUT = r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just) )*"
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
     rf"(?P<words>(?P<before>{_BEFORE})(?P<minus>(?<!\S)-|\bminus )?(?P<number>\b(?:{_NUMBER}))"
-    r"(?: of)?(?: |-)?"
+    r"(?: of)?(?: an?)?(?: |-)?"
     r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b(?: long)?)",
     re.IGNORECASE,
 )

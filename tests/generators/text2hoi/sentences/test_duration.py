@@ -13,6 +13,8 @@ from geneoh.generators.text2hoi.sentences.prompt import read_prompt
         ("lift the mug in 90 frames.", "lift the mug .", 90),
         ("lift the mug for a second", "lift the mug", 30),
         ("lift it for half a second", "lift it", 15),
+        ("lift it for 1/2 a second", "lift it", 15),
+        ("lift it for 2/3 of a second", "lift it", 20),
         ("pour for one and a half seconds", "pour", 45),
         ("lift it for a couple of seconds", "lift it", 60),
         ("a 3-second lift", "a lift", 90),
