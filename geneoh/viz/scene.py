@@ -19,6 +19,7 @@ from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.metrics.report import FrameMeasures
 from geneoh.objects.smoothing import steady_camera
 from geneoh.readers.bodies.base import BodyRecording
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.placing import in_world
 from geneoh.sequence.resample import nearest_frames, poses_over_frames
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -194,11 +195,11 @@ def make_scene(
 ) -> Scene:
     """Pose every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; without a mesh only hands are shown. What a moving
-    camera saw is shown in the world, if the camera's poses are known. Nothing is measured against a
-    part that was never seen. A hand model is fitted to a hand that has only keypoints. Betas of
-    MANO get MANO's mesh where the user has its files, else the embedded hand fitted to the same
-    bones.
+    The object is that of the last sequence; without a mesh only hands are shown. Poses that it
+    lacks are filled in, as the cleaner does. What a moving camera saw is shown in the world, if the
+    camera's poses are known. Nothing is measured against a part that was never seen. A hand model
+    is fitted to a hand that has only keypoints. Betas of MANO get MANO's mesh where the user has
+    its files, else the embedded hand fitted to the same bones.
 
     `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
     """
@@ -220,7 +221,8 @@ def make_scene(
             side: poses_over_frames(camera, drawn.shape[1]).apply(drawn)
             for side, drawn in samples.items()
         }
-    met = last.object.of_parts(last.object.seen_parts) if last.object.meshes else last.object
+    motion = fill_object(last.object)
+    met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
     distance_of = partial(_distances, cache(met.surface)) if met.meshes else None
     versions = []
     for name, sequence in sequences.items():
@@ -230,7 +232,7 @@ def make_scene(
         side: drawn[:, nearest_frames(drawn.shape[1], last.frames)]
         for side, drawn in samples.items()
     }
-    scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
+    scene = Scene(title or last_title, tuple(versions), motion, last.fps, paced)
     return scene if body is None else with_body(scene, body)
 
 

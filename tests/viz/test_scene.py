@@ -85,6 +85,18 @@ def test_nothing_is_measured_against_a_part_that_was_never_seen(scene, track):
     assert float(one.depth.max()) == 0
 
 
+def test_poses_that_the_object_lacks_are_filled_in(scene, track):
+    moving = replace_hands(scene, track)
+    lacking = moving.object.translation.clone()
+    lacking[2:4] = torch.nan
+    shown = make_scene(
+        {"clip": replace(moving, object=replace(moving.object, translation=lacking))}
+    )
+    torch.testing.assert_close(shown.object.translation, moving.object.translation)
+    assert shown.object.observed[:, 0].tolist() == [True, True, False, False, True, True]
+    assert bool(shown.versions[0].measures.depth.isfinite().all())
+
+
 def test_an_object_of_which_no_part_was_seen_is_as_none(scene, track, tmp_path):
     moving = replace_hands(scene, track)
     lost = replace(moving.object, valid=torch.zeros(len(track.pose), 2, dtype=torch.bool))
