@@ -7,12 +7,14 @@ Each attempt is of one of `GRASP_TYPES`. The hand starts over a random surface p
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limited, Limits
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.hand.spheres import hand_scale, hand_spheres
@@ -39,8 +41,10 @@ from geneoh.synthesis.shapes.solids import Solids
 
 
 @dataclass(frozen=True)
-class GraspConfig:
+class GraspConfig(Limited):
     """Settings of the search for grasps."""
+
+    LIMITS: ClassVar[Limits] = {"grips": (0, Limited.LARGEST)}
 
     steps: int = 140  # descent steps of Adam with a cosine rate
     wrist_rate: float = 0.004  # first learning rate of the wrist's position, metres
@@ -220,7 +224,8 @@ def shifted_grips(
 
     A grip that fails the checks is replaced by the grasp itself.
     """
-    each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
+    shape = len(grasps.pose), config.grips
+    each = torch.arange(shape[0]).repeat_interleave(config.grips)
     solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
     draws = Draws(len(each), generator)
     joints, turns = grasps.posed()
@@ -239,7 +244,7 @@ def shifted_grips(
     kept = passes(solids, attempt, hands, config.checks)[:, None]
     pose = torch.where(kept[..., None], hands.pose, grasps.pose)
     wrist = torch.where(kept, hands.wrist, grasps.wrist)
-    return Grips(*(value.unflatten(0, (-1, config.grips)) for value in (pose, wrist)))
+    return Grips(*(value.unflatten(0, shape) for value in (pose, wrist)))
 
 
 def settled_grasps(

@@ -3,12 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -19,8 +21,14 @@ from geneoh.synthesis.motions.object_motion import Schedule, Standing, minimum_j
 
 
 @dataclass(frozen=True)
-class HandMotionConfig:
+class HandMotionConfig(Limited):
     """Speed, range and small variations of hand motion."""
+
+    LIMITS: ClassVar[Limits] = {
+        **dict.fromkeys(("shift_period", "turn_period", "restless_period"), (1e-3, math.inf)),
+        **dict.fromkeys(("repeat_period", "tremor_period"), (1e-3, math.inf)),
+        "table_height": (-math.inf, math.inf),
+    }
 
     reach_frames: tuple[float, float] = (18.0, 40.0)
     """Range of the duration of the wrist's approach, and of its departure, in frames."""

@@ -5,12 +5,14 @@ It stands or floats, is carried or slid, and its joint moves.
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rigid import Rigid, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix, shortest_turn
@@ -108,8 +110,10 @@ def draw_schedule(frames: int, pairs: HandPairs, config: ScheduleConfig, draws: 
 
 
 @dataclass(frozen=True)
-class ObjectMotionConfig:
+class ObjectMotionConfig(Limited):
     """How far and how often objects and their joints move while they are held."""
+
+    LIMITS: ClassVar[Limits] = {"joint_states": (3, Limited.LARGEST)}
 
     rest_points: int = 5  # poses at which the object stops on its way, the last one included
     carry_share: float = 0.85  # share of the objects that are moved at all

@@ -193,6 +193,12 @@ def test_every_check_can_refuse(strict):
     assert not bool(tried.kept.any())
 
 
+def test_hands_may_have_no_other_grips(grasped):
+    grasps, solids = grasped
+    grips = shifted_grips(solids, grasps, GraspConfig(grips=0), generator=seeded(6))
+    assert grips.pose.shape == (len(grasps.pose), 0, 16, 3)
+
+
 def test_hands_shift_to_grips_that_pass_the_checks_too(grasped):
     grasps, solids = grasped
     grasps, solids = grasps.take(grasps.kept, "B"), solids.take(grasps.kept, "B")

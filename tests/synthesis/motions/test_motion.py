@@ -6,12 +6,14 @@ from draws import seeded
 from made_grasps import grasps_at
 from torch import Tensor
 
+from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasping.bimanual import HandPairs
 from geneoh.synthesis.grasping.grasp_types import FINGER_MEAN
 from geneoh.synthesis.grasping.grasps import Grasps, Grips
+from geneoh.synthesis.motions.hand_motion import HandMotionConfig
 from geneoh.synthesis.motions.motion import Interactions, animate
 from geneoh.synthesis.motions.object_motion import (
     ObjectMotionConfig,
@@ -275,3 +277,17 @@ def test_two_hands_hold_one_object_seen_in_a_mirror():
     assert float(held[moving[one]].max()) < 0.006, "one of them holds what moves"
     lone = (away[one] > 0.05) & moving[one] | (away[two] > 0.05) & moving[two]
     assert bool(lone.any()), "while the other comes or goes"
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (HandMotionConfig, {"tremor_period": 0.0}),
+        (HandMotionConfig, {"repeat_period": (0.0, 0.0)}),
+        (ObjectMotionConfig, {"joint_states": 1}),
+        (ObjectMotionConfig, {"table_directions": 0}),
+    ],
+)
+def test_settings_that_would_make_no_numbers_are_refused(kind, wrong):
+    with pytest.raises(ConfigError, match=f"'{next(iter(wrong))}' must be "):
+        kind(**wrong)
