@@ -105,6 +105,7 @@ class TextHandsConfig(HandsConfig):
 
     LIMITS: ClassVar[Limits] = {"text": (0, 65536), "gestures": (len(NAMES), 4096)}
 
+    frame: Literal["wrist"] = "wrist"  # a sentence does not say where the body is
     text: int = 0
     """Features of a sentence from an external text encoder such as CLIP; 0: the network has a text
     encoder of its own, which is trained with it."""

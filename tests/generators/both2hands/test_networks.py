@@ -8,6 +8,7 @@ import torch
 from made_bodies import SMALL, speech, tiny_networks
 
 from geneoh.config import configured
+from geneoh.errors import ConfigError
 from geneoh.generators.both2hands.networks import (
     BlendConfig,
     Blender,
@@ -39,6 +40,11 @@ def test_the_paper_s_networks_have_its_sizes():
         assert parameters(BodyHands(paper("body_hands").body_hands)) == 11_039_246
         assert parameters(TextHands(text)) == 11_331_598
         assert parameters(Blender(paper("blend").blend)) == 10_789_646
+
+
+def test_hands_of_a_sentence_have_no_frame_but_the_wrist_s():
+    with pytest.raises(ConfigError, match=r"text_hands\.frame.*world"):
+        configured(Both2HandsConfig(), settings=["text_hands.frame=world"])
 
 
 def test_the_shipped_sizes_take_ten_megabytes_in_half_precision():
