@@ -72,6 +72,7 @@ def synthesize(
     from geneoh.config import configured
     from geneoh.files.atomic import write_whole
     from geneoh.files.outputs import keep_others
+    from geneoh.synthesis.action_shards import UNREAD
     from geneoh.synthesis.kinds import kind_of_data
     from geneoh.synthesis.replay import NoFirstGraspsError
     from geneoh.synthesis.shards import ANY_OBJECTS, ShardRecord, refuse_other_shards, write_shards
@@ -82,6 +83,10 @@ def synthesize(
     options.refuse_unit_without(meshes, "--objects")
     if meshes is None:
         refuse_settings("scanned", settings, "--objects")
+    if holding is None:
+        refuse_settings("handling", settings, "--with-actions")
+    for name in UNREAD if actions else ():
+        refuse_settings(name, settings, "interactions")
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
     data_kind = kind_of_data(actions, bodies, meshes, holding)

@@ -53,6 +53,14 @@ class ActionSynthesisConfig(SynthesisConfig):
 
 
 DEFAULTS = ActionSynthesisConfig()
+GRIPS = ("grip_share", "grip_frames", "restless_share", "restless_period", "restless_size")
+UNREAD = (
+    "animation",
+    *(f"grasps.grip{end}" for end in ("s", "_steps", "_turn_std", "_shift_std", "_habit_std")),
+    *(f"acting.hand.{name}" for name in GRIPS),
+)
+"""Settings of how hands carry objects about and change their grip, which they do in interactions
+alone."""
 TRIED_AT_ONCE = 32  # actions for which grasps are tried at once; fewer take nearly as long
 MOST_NAMES = 100_000  # no data set has more objects
 LARGE = ("carton", "board", "pan", "bowl", "plate", "box")

@@ -300,6 +300,20 @@ def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(g
 
 
 @pytest.mark.parametrize(
+    ("kind", "setting", "of"),
+    [
+        ("--actions", "animation.object.table_share=0.8", "interactions"),
+        ("--actions", "grasps.grips=4", "interactions"),
+        ("--actions", "acting.hand.restless_share=1.0", "interactions"),
+        ("--bodies", "handling=0.5", "--with-actions"),
+    ],
+)
+def test_settings_that_a_kind_of_data_does_not_read_are_refused(geneoh, kind, setting, of):
+    refused = geneoh("synthesize", kind, settings=(setting,), code=2)
+    assert f"expected a setting that this run reads, got one of {of}; leave" in refused.stderr
+
+
+@pytest.mark.parametrize(
     ("kind", "settings", "told"),
     [
         (None, ("frames=1",), "'frames' must be 2 to 9000, got 1"),
