@@ -22,12 +22,16 @@ _UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 100
 _WORD = "|".join((*_VALUES, "hundred"))
 _FRACTION = r"(?:\d{1,3} )?\d{1,3}/[1-9]\d{0,2}"
 _NUMBER = rf"{_FRACTION}|\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
-_ABOUT = r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just) )*"
+_ABOUT = (
+    r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just|at least|at most|more than"
+    r"|less than) )*"
+)
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
     rf"(?P<words>(?P<before>{_BEFORE})(?P<minus>(?<!\S)-|\bminus )?(?P<number>\b(?:{_NUMBER}))"
     r"(?: of)?(?: an?)?(?: |-)?"
-    r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b(?: long)?)",
+    r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b"
+    r"(?P<half> and a half\b)?(?: long)?)",
     re.IGNORECASE,
 )
 _RATE = re.compile(
@@ -71,7 +75,7 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
         (size for unit, size in _UNITS.items() if match["unit"].lower().startswith(unit[:3])), FPS
     )
     rest = sentence[: match.start()] + sentence[match.end() :]
-    frames = round(each * number_of(match["number"]))
+    frames = round(each * (number_of(match["number"]) + (0.5 if match["half"] else 0)))
     return " ".join(rest.split()), Stated(match["words"], -frames if match["minus"] else frames)
 
 

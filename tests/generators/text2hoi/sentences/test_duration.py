@@ -16,6 +16,8 @@ from geneoh.generators.text2hoi.sentences.prompt import read_prompt
         ("lift it for 1/2 a second", "lift it", 15),
         ("lift it for 2/3 of a second", "lift it", 20),
         ("pour for one and a half seconds", "pour", 45),
+        ("pour for one second and a half", "pour", 45),
+        ("pour for at least 2 seconds", "pour", 60),
         ("lift it for a couple of seconds", "lift it", 60),
         ("a 3-second lift", "a lift", 90),
         ("shake it 2s", "shake it", 60),
@@ -51,6 +53,7 @@ def test_other_times_and_numbers_are_no_length(sentence):
     [
         ("lift the mug by 10 cm with the left hand", "lift the mug with the left hand", "by 10 cm"),
         ("lift it about half a meter with one hand", "lift it with one hand", "about half a meter"),
+        ("lift it by at least 10 cm with one hand", "lift it with one hand", "by at least 10 cm"),
         ("tilt it by 45° with the left hand", "tilt it with the left hand", "by 45°"),
         ("shake it three times with both hands", "shake it with both hands", "three times"),
         ("pour twice with the left hand", "pour with the left hand", "twice"),
