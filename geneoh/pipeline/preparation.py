@@ -79,7 +79,7 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
         motion, chosen = replace(motion, meshes=()), chosen.alone()
         notes += [NO_OBJECT, *idle_options(options)]
     notes += filled_poses(motion) if chosen.has_object else ()
-    ready = Examined(sequence.hands, motion, torch.ones(len(motion.rotation), 1))
+    ready = Examined(sequence.hands, motion, torch.ones(motion.rotation.shape[:2]))
     if chosen.clean_object:
         ready = examined(sequence.hands, motion, sequence.fps, options.refine_object)
     given = replace(sequence, hands=ready.hands)

@@ -35,6 +35,21 @@ def test_a_hand_that_is_lost_while_it_carries_goes_on_with_its_object(carried):
     assert found.hands["left"].filled.equal(~valid)
 
 
+def test_so_does_one_at_the_second_part_of_an_object_whose_poses_are_exact(carried):
+    hand, part = carried.hands[0], carried.object
+    apart = part.translation + torch.tensor([1.0, 0.0, 0.0])
+    both = replace(
+        part,
+        meshes=part.meshes * 2,
+        rotation=part.rotation.repeat(1, 2, 1, 1),
+        translation=torch.cat([apart, part.translation], 1),
+    )
+    valid = torch.arange(carried.frames) < SEEN
+    lost = replace(carried, hands=(replace(hand, valid=valid),), object=both)
+    found = geneoh.denoise(lost, preset="fast", trust_object=True)
+    assert off(found.sequence.hands[0].joints, carried) < 0.02
+
+
 def test_so_does_that_of_a_stream(carried):
     stream = geneoh.Stream(EXAMPLES / "taco_object.obj", 30, 0.1, side="left", samples=1)
     hand, motion = carried.hands[0], carried.object
