@@ -1,7 +1,7 @@
 """Videos with cuts: find the shots, which are cleaned one by one, and join their results."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ from geneoh.errors import shortened
 from geneoh.metrics.report import over_shots
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.results import Denoised, HandResult
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.shots import paths_of, shots_of
 
 
@@ -65,14 +65,27 @@ def joined_shots(parts: list[Denoised], shots: list[slice]) -> Denoised:
     first = parts[0]
     depths = [part.hands_in_each_other for part in parts if part.hands_in_each_other]
     examined = [part.examined for part in parts if part.examined]
+    objects = with_masks(part.sequence.object for part in parts)
+    sequences = [
+        replace(part.sequence, object=track) for part, track in zip(parts, objects, strict=True)
+    ]
     return replace(
         first,
-        sequence=concatenated([part.sequence for part in parts]),
+        sequence=concatenated(sequences),
         hands={side: _joined_hand([p.hands[side] for p in parts], shots) for side in first.hands},
         notes=_said([part.notes for part in parts], shots),
         examined=_joined_examination(examined) if examined else None,
         hands_in_each_other=tuple(map(max, zip(*depths, strict=True))) if depths else None,
     )
+
+
+def with_masks(tracks: Iterable[ObjectTrack]) -> list[ObjectTrack]:
+    """The tracks, all with the mask `valid` if any of them has one: a shot in which poses are
+    repeated gets one."""
+    found = list(tracks)
+    if all(track.valid is None for track in found):
+        return found
+    return [replace(track, valid=track.observed) for track in found]
 
 
 def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
@@ -96,8 +109,10 @@ def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
 
 def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
     """Concatenate the examinations of all shots, with the largest noise among them."""
+    aligned = with_masks(part.aligned for part in parts)
+    masked = [replace(part, aligned=track) for part, track in zip(parts, aligned, strict=True)]
     return replace(
-        concatenated(parts),
+        concatenated(masked),
         rotation_noise=torch.stack([part.rotation_noise for part in parts]).amax(0),
         translation_noise=torch.stack([part.translation_noise for part in parts]).amax(0),
         is_noisy=torch.stack([part.is_noisy for part in parts]).any(0),

@@ -57,6 +57,24 @@ def test_all_shots_are_in_the_result(video, result):
     assert (alone - result.sequence.hands[0].joints).norm(dim=-1).mean() < 0.003
 
 
+@pytest.mark.parametrize("slow", [slice(2, CUT - 2), slice(CUT + 2, FRAMES - 2)])
+def test_a_shot_alone_may_have_poses_of_a_slower_sensor(video, slow):
+    (hand,), motion = video.hands, video.object
+    nearest = torch.arange(FRAMES)
+    nearest[slow] -= nearest[slow] % 2
+    # as fast as for a recording at 30 frames a second
+    sliding = torch.arange(FRAMES)[:, None] * torch.tensor([0.01, 0.0, 0.0])
+    carried = replace(motion, translation=motion.translation + sliding[:, None])[nearest]
+    moved = replace(hand, joints=hand.joints + sliding[:, None])
+    given = replace(video, hands=(moved,), object=carried, fps=30.0)
+    result = denoise(given, preset="fast", refine_object=True)
+    (words,) = (note for note in result.notes if "repeats the one before" in note)
+    assert words.startswith(f"frames {0 if slow.start < CUT else CUT} to")
+    found = result.sequence.object, result.examined.aligned
+    assert [track.valid.shape for track in found] == [(FRAMES, 1)] * 2
+    assert bool(found[0].valid.all())
+
+
 def test_the_form_of_the_paper_keeps_one_shape_and_tells_of_cuts(video, monkeypatch):
     def as_given(sequence, options, _):
         return Denoised(sequence, {}, (), options)
