@@ -107,9 +107,7 @@ class SurfaceDistance:
     def __init__(self, mesh: Mesh) -> None:
         """Build the trees; seconds for 100,000 triangles and more."""
         self.mesh = mesh
-        # a copy, because a caller may change the mesh in place
-        kept = Mesh(mesh.verts.detach().cpu().clone(), mesh.faces.cpu().clone(), mesh.source)
-        self.solid, self.tree = solid_with_tree(kept)
+        self.solid, self.tree = solid_with_tree(mesh.copied())
         self._normals = self.solid.surface.face_normals()
         self._on_devices: dict[torch.device, Any] = {}
         self._coarse: CoarseDistance | None = None

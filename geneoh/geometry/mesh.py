@@ -69,6 +69,10 @@ class Mesh(Bundle):
         """The reflection x -> -x, with the faces reversed so that they still point outward."""
         return Mesh(mirror_points(self.verts), mirror_faces(self.faces))
 
+    def copied(self) -> "Mesh":
+        """The mesh in tensors of its own, on the CPU: a caller may change this one in place."""
+        return Mesh(self.verts.detach().cpu().clone(), self.faces.cpu().clone(), self.source)
+
     def extent(self) -> Float[Tensor, " 3"]:
         """Sides of the axis-aligned bounding box."""
         return self.verts.amax(0) - self.verts.amin(0)

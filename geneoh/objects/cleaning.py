@@ -133,9 +133,13 @@ def clean_part(
     return _smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
 
 
-@lru_cache(maxsize=8)
 def symmetry_of(mesh: Mesh) -> Symmetry:
     """The symmetry of a mesh, cached because a stream needs it for every window."""
+    return _kept_symmetry(mesh.copied())
+
+
+@lru_cache(maxsize=8)
+def _kept_symmetry(mesh: Mesh) -> Symmetry:
     return find_symmetry(SurfaceDistance(mesh))
 
 

@@ -157,6 +157,18 @@ def test_an_object_off_its_origin_stays_in_its_place_when_it_is_turned_back():
     assert float((seen(clean) - seen(motion)).norm(dim=-1).max()) < 0.004
 
 
+def test_a_mesh_that_is_changed_in_place_is_looked_at_again():
+    mesh = mesh_of(trimesh.creation.cylinder(0.04, 0.1, sections=64))
+    shaky = shaken(lifted(mesh), 3.0, 0.002)
+    first, _ = clean_object(shaky, FPS)
+    aside = torch.tensor([0.3, 0.0, 0.1])
+    mesh.verts.add_(aside)
+    off = (shaky.rotation @ aside[:, None])[..., 0]
+    again, _ = clean_object(replace(shaky, translation=shaky.translation - off), FPS)
+    off = (again.rotation @ aside[:, None])[..., 0]
+    torch.testing.assert_close(again.translation + off, first.translation, atol=1e-4, rtol=0)
+
+
 def test_an_orientation_that_lasts_is_believed():
     motion = lifted(WEDGE)
     rotation = motion.rotation.clone()
