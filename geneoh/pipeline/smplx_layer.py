@@ -50,7 +50,7 @@ def to_smplx(
         mano_dir: folder of the user's MANO files; without it GENEOH_MANO_DIR says where.
 
     Raises:
-        InputError: the sequence has no such hand, or only its keypoints.
+        InputError: the sequence has no such hand, or in no frame, or only its keypoints.
         MissingAssetError: a MANO hand is requested and there is no MANO file.
     """
     if not isinstance(sequence, Sequence):
@@ -58,11 +58,17 @@ def to_smplx(
             f"geneoh.to_smplx takes a side, then a Sequence, got {type(sequence).__name__}; "
             "a result has one in .sequence"
         )
-    track = fill_gaps(sequence.hand(side))
+    track, name = sequence.hand(side), sequence.source or "the sequence"
+    if not bool(track.valid.any()):
+        raise InputError(
+            f"{name}: at least one frame must hold the {side} hand, got {track.frames} without; "
+            "choose frames with it"
+        )
+    track = fill_gaps(track)
     if track.pose is None or track.wrist is None:
         raise InputError(
-            f"{sequence.source or 'the sequence'}: smplx needs the {side} hand's 'pose' and "
-            "'wrist', got its keypoints only; run geneoh.denoise on it, which finds the pose"
+            f"{name}: smplx needs the {side} hand's 'pose' and 'wrist', got its keypoints only; "
+            "run geneoh.denoise on it, which finds the pose"
         )
     model = hand_of_betas(side, track.hand_model, asked=hand, mano_dir=mano_dir)
     model = model.to(track.pose.device)

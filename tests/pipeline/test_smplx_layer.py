@@ -70,6 +70,12 @@ def test_frames_without_the_hand_are_filled(recording):
     assert torch.allclose(verts[seen], to_smplx("left", recording)().vertices[seen], atol=1e-3)
 
 
+def test_frames_without_any_hand_cannot_be_filled(recording):
+    lost = torch.zeros_like(recording.hand("left").valid)
+    with pytest.raises(InputError, match=r"must hold the left hand, got 146 without"):
+        to_smplx("left", with_track(recording, valid=lost))
+
+
 def test_smplx_says_nothing_of_its_own(recording, capsys):
     to_smplx("left", recording)
     assert capsys.readouterr().out == ""
