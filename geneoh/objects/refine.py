@@ -26,6 +26,7 @@ from geneoh.objects.holding import (
     RADIANS_PER_METRE,
     REST_LAG,
     REWEIGHTINGS,
+    SHORTEST_GRIP,
     Frame,
     Grip,
     PartTrack,
@@ -47,7 +48,8 @@ LARGEST_CHANGE = 3.0
 def refine_object(
     smooth: ObjectTrack, examined: ObjectExamination, hands: Sequence[HandTrack], fps: float
 ) -> ObjectTrack:
-    """The track without drift; exact poses are unchanged.
+    """The track without drift; exact poses are unchanged, and so is a part with fewer known poses
+    than a grip needs, whose motion would be extrapolated.
 
     All poses of a part that was ever seen become valid, so that no reader fills them again.
     `smooth` is the cleaned track (`geneoh.objects.cleaning`) and `examined` the examination of the
@@ -56,7 +58,8 @@ def refine_object(
     if len(smooth.rotation) <= REST_LAG + 1:
         return smooth
     rotation, translation = smooth.rotation.clone(), smooth.translation.clone()
-    unsure = examined.is_noisy | (examined.confidence == 0)
+    lost = examined.confidence == 0
+    unsure = (examined.is_noisy | lost) & ((~lost).sum(0) >= SHORTEST_GRIP)
     for part in torch.nonzero(unsure.any(0))[:, 0].tolist():
         turns, places = refine_part(smooth, examined, part, hands, fps)
         chosen = unsure[:, part]

@@ -107,6 +107,17 @@ def test_frames_without_a_pose_follow_the_hand():
     assert torch.equal(refined.rotation[~gap], truth.rotation[~gap])
 
 
+@pytest.mark.parametrize("known", [0, 1, 5])
+def test_hardly_any_pose_tells_no_motion(known):
+    truth, hand = scene()
+    seen = (torch.arange(FRAMES) - 60).abs()[:, None] <= known // 2
+    given = fill_object(truth, seen) if known else replace(truth, valid=seen & False)
+    smooth, examined = clean_object(given, 30.0)
+    refined = refine_object(smooth, examined, [hand], 30.0)
+    assert refined.rotation.equal(smooth.rotation)
+    assert refined.translation.equal(smooth.translation)
+
+
 def test_an_object_that_is_swung_unseen_is_still_held():
     truth, hand = scene()
     swing = 0.3 * torch.exp(-((torch.arange(FRAMES) - 107) / 3.0).square())[:, None]
