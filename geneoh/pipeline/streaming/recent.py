@@ -7,6 +7,7 @@ returned, so that no seam shows.
 
 from collections import deque
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import torch
@@ -68,7 +69,9 @@ class RecentHand:
     ) -> None:
         """Begin without frames. `surface` provides the search trees of the meshes, not the motion,
         and is None without meshes. `model` is the right hand."""
-        self._meshes, self._surface, self._model = meshes, surface, model
+        # copies of its fields, which answer less exactly beyond their limit after many queries
+        own = surface and replace(surface, fields=tuple(map(copy, surface.fields)))
+        self._meshes, self._surface, self._model = meshes, own, model
         self._denoisers, self._chosen, self._lag = denoisers, chosen, lag
         self._generator = torch.Generator().manual_seed(seed)
         self._new: list[Observed] = []

@@ -331,6 +331,11 @@ def test_the_same_frames_and_seed_give_the_same_result(cleaned):
     assert torch.equal(again[:5], joints_of(found)[:5])
 
 
+def test_fingers_touch_as_probably_in_the_next_recording(noisy, unmoved):
+    stream = Stream(noisy.object.meshes, side="left")
+    assert pushed(stream, noisy[40:80]) == pushed(stream, noisy[40:80])
+
+
 @pytest.mark.slow
 def test_keypoints_alone_and_lost_objects_are_cleaned(noisy, clean):
     clip = noisy[40:75]
