@@ -131,7 +131,7 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
             if track.betas is not None:
                 lacks = "joints and its betas belong to another hand model"
                 if track.hand_model in MANO_NAMES:
-                    cure = "; --hand mano takes them"
+                    cure = " (--hand mano takes them)"
             notes.append(f"the pose comes without {lacks}: the mean hand is used{cure}")
         joints = posed = model.shaped(known).joints_from_rotations(rotations, filled.wrist)
     else:

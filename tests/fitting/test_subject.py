@@ -56,7 +56,7 @@ def test_pose_alone_takes_the_mean_hand_and_says_so(hand_model):
     assert torch.equal(subject.betas, torch.zeros(10))
     assert subject.notes == (
         "the pose comes without joints and its betas belong to another hand model: the mean hand "
-        "is used; --hand mano takes them",
+        "is used (--hand mano takes them)",
     )
     unknown = subject_of(replace(track, betas=None), MODEL)
     assert unknown.notes == ("the pose comes without joints and betas: the mean hand is used",)

@@ -33,6 +33,7 @@ from geneoh.pipeline.observed import CleanHand, Observed, lost_like
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
+from geneoh.pipeline.streaming.first_look import without_options
 from geneoh.pipeline.streaming.recent_place import ChangingShift, RecentRun
 from geneoh.pipeline.touch import finger_contact, fingers_apart
 from geneoh.progress import timed
@@ -83,6 +84,7 @@ class RecentHand:
         self._pushed = self._done = self._observed = 0
         self._near = 0.0  # largest interaction with the object so far, 0 to 1
         self._shape: Subject | None = None
+        self._notes: tuple[str, ...] = ()
         self._found: FoundRay | None = None
         self._out: HandState | None = None
         self._given: tuple[int, HandState] | None = None
@@ -106,6 +108,13 @@ class RecentHand:
         left = list(self._ready)
         self._ready.clear()
         return left
+
+    def new_notes(self, *, ended: bool = False) -> tuple[str, ...]:
+        """Assumptions about the hand, once: as soon as its shape is fixed, or the stream ended."""
+        if self._shape is None and not ended:
+            return ()
+        found, self._notes = self._notes, ()
+        return tuple(map(without_options, found))
 
     def _clean(self, stop: int) -> None:
         """Clean the frames from the first that is not done up to `stop`, exclusive."""
@@ -198,6 +207,7 @@ class RecentHand:
         if self._shape is not None:
             kept = self._shape
             return replace(subject, shaped=kept.shaped, betas=kept.betas, offsets=kept.offsets)
+        self._notes = subject.notes
         if self._observed >= SETTLED:
             self._shape = subject
         return subject

@@ -101,7 +101,9 @@ class Stream:
             fps: frame rate, frames a second.
             lag: delay of the clean frame in seconds, 0 to 1; rounded to whole frames.
             side: side of the hand.
-            betas: (10,) hand shape for `hand_model`; estimated from the first two seconds if None.
+            betas: (10,) hand shape for `hand_model`. Without them, or if they belong to another
+                hand model than `hand`, the shape is estimated from the keypoints of the first two
+                seconds, or is the mean one for poses alone.
             hand_model: hand model of the betas, "embedded", "mano" or "mano-as-shipped".
             source: name of the stream in messages.
             settings: fields of `Options`; by default preset="fast" and samples=2.
@@ -201,6 +203,7 @@ class Stream:
                 if self._taken > self._within:
                     self._clean.append(made)
             self._count += 1
+            self._tell(self._recent.new_notes())
             clean = self._next() if self._count > self._lag else None
             self._is_amid = False
             return clean
@@ -220,6 +223,7 @@ class Stream:
             with undisturbed():
                 self._tell(self._look.end(self._source))
                 self._clean.extend(self._recent.flush())
+                self._tell(self._recent.new_notes(ended=True))
                 return [self._next() for _ in range(min(self._lag, self._count))]
         finally:
             self._reset()

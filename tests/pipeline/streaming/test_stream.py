@@ -284,6 +284,21 @@ def test_poses_without_a_mesh_are_doubtful_once(noisy, unmoved, caplog):
     assert stream.doubts == ()
 
 
+@pytest.mark.parametrize("frames", [12, 70])
+def test_betas_of_another_hand_model_are_doubtful_where_no_keypoints_tell_the_shape(
+    noisy, unmoved, frames
+):
+    stream = Stream((), side="left", betas=np.ones(10), hand_model="mano", lag=0.1)
+    hand, words = replace(noisy.hands[0], joints=None), []
+    for frame in range(frames):
+        stream.push({"pose": hand.pose[frame], "wrist": hand.wrist[frame]})
+        words.append(stream.doubts)
+    stream.flush()
+    (told,) = stream.doubts
+    assert told.endswith("its betas belong to another hand model: the mean hand is used")
+    assert words[-1] == (stream.doubts if frames > 60 else ())
+
+
 def test_a_frame_that_shows_no_interaction_is_refused_and_not_taken(noisy, unmoved):
     stream, motion = Stream(noisy.object.meshes, side="left", lag=0.1), noisy.object
     away = 1000 * motion.translation[:60]
