@@ -72,8 +72,8 @@ class DatasetReader:
         """The recordings of a clip: its interactions, cut where the object's pose is unknown."""
         found = []
         for parts in self.parts(clip, options):
-            whole = self.whole(parts, clip, options)
-            found += split(whole, frames_to_keep(parts, whole.sequence.frames), parts.after_jump)
+            whole, rows = self.whole(parts, clip, options)
+            found += split(whole, frames_to_keep(parts)[rows], parts.after_jump)
         if not found:
             raise InputError(f"{clip.path}: expected {self.content}, got none; download them")
         return found
@@ -89,8 +89,11 @@ class DatasetReader:
         rate, notes = rate_of(parts.fps, fps, where)
         return rate, None, notes
 
-    def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
-        """One interaction with all of its frames, before it is split into recordings."""
+    def whole(
+        self, parts: ClipParts, clip: SourceClip, options: ReaderOptions
+    ) -> tuple[Recording, Array]:
+        """One interaction with all of its frames, before it is split into recordings; and for each
+        of these frames the nearest one of the clip."""
         where, checks = str(clip.path), parts.cross_checks
         rate, clock, about_time = self.timing(parts, options, where)
         motion, about_object = _object_of(parts, options, clock, where)
@@ -111,10 +114,11 @@ class DatasetReader:
         if camera is not None:
             place = torch.from_numpy(np.atleast_2d(np.asarray(camera, np.float32)))
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
+        nearest = np.arange(sequence.frames)
         if clock is not None:
             sequence, nearest = clock.even(sequence)
             checks = checks[nearest]
-        return Recording(parts.name or clip.name, sequence, names, checks, tuple(notes))
+        return Recording(parts.name or clip.name, sequence, names, checks, tuple(notes)), nearest
 
 
 def reads(
@@ -132,8 +136,7 @@ def _object_of(
         return parts.object_track, ()
     if parts.motion is None:
         return _callers_object(parts, options, clock, where)
-    kept = frames_to_keep(parts, len(parts.motion))
-    refuse_bottom_row(where, "the object's poses", parts.motion, kept)
+    refuse_bottom_row(where, "the object's poses", parts.motion, frames_to_keep(parts))
     return builders.object_track(parts.meshes.values(), parts.motion), ()
 
 
@@ -196,11 +199,11 @@ def _hands_of(
     return hands, notes
 
 
-def frames_to_keep(parts: ClipParts, frames: int) -> Array:
+def frames_to_keep(parts: ClipParts) -> Array:
     """(T,) mask of the source's own choice of frames, else of those with a known object pose."""
     if parts.object_known is not None:
         return parts.object_known
-    return np.ones(frames, bool) if parts.motion is None else base.finite_frames(parts.motion)
+    return np.ones(parts.frames, bool) if parts.motion is None else base.finite_frames(parts.motion)
 
 
 def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> None:

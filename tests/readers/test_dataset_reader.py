@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import trees
 from trees import scene
+from trees.videos import hot3d
 
 from geneoh.errors import InputError
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.recordings import read_one
+from geneoh.readers.recordings import find_clips, read_clip, read_one, source_named
 
 
 def test_a_hand_of_other_frames_than_its_object_is_refused(tmp_path, mano_dir):
@@ -36,3 +37,21 @@ def test_poses_of_a_source_that_act_on_rows_are_refused(tmp_path, mano_dir):
     known = ReaderOptions(mano_dir=mano_dir)
     with pytest.raises(InputError, match=r"object's poses must have 0 0 0 1 as last row"):
         read_one("taco", tmp_path, known, "_stir__spoon__bowl_/20230917_001_tool")
+
+
+def test_frames_without_the_object_are_left_out_at_their_times(tmp_path, mano_dir):
+    """A moment that was dropped moves the numbers of later frames, but not their times."""
+    whole = scene()
+    hot3d(tmp_path, whole, False)
+    hands = next(tmp_path.rglob("*.jsonl"))
+    table = hands.with_name("dynamic_objects.csv")
+    for path, dropped in ((hands, slice(4, 6)), (table, slice(1 + 4 * 6, 5 + 4 * 6))):
+        lines = path.read_text().splitlines()
+        del lines[dropped]  # the third moment of the hands, and the object in the seventh
+        path.write_text("\n".join(lines))
+    source, options = source_named("hot3d"), ReaderOptions(mano_dir=mano_dir)
+    (clip,) = find_clips(source, [tmp_path])
+    spans = slice(0, 6), slice(7, 9)
+    for span, found in zip(spans, read_clip(source, clip, options), strict=True):
+        places = found.sequence.object.translation[:, 0].numpy()
+        np.testing.assert_allclose(places, whole.shift[span], atol=1e-5)

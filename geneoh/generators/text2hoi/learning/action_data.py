@@ -221,13 +221,13 @@ class Recordings:
             of_object = [label for label in labels if label.object in names]
             if not of_object or parts.motion is None:
                 continue
-            sequence = reader.whole(parts, clip, self.options).sequence
+            sequence = reader.whole(parts, clip, self.options)[0].sequence
             meshes |= mesh_files([sequence])
             key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
             if key not in self.surfaces:
                 self.surfaces[key] = Surface.of(sequence.object.meshes, self.config.points)
             surface, up = self.surfaces[key], self.config.up
-            seen = torch.from_numpy(frames_to_keep(parts, len(parts.motion)))
+            seen = torch.from_numpy(frames_to_keep(parts))
             for label in of_object:
                 words = {"verb": label.verb, "noun": label.noun, "subject": label.subject}
                 yield action_of(sequence, label, surface, up, seen), words
