@@ -288,24 +288,26 @@ def check_object(motion: ObjectTrack, name: str) -> None:
             "where the object was not found"
         )
     check_place(motion.translation, "the object", name)
-    wrong = (~is_rotation(motion.rotation)).any(-1).nonzero()
+    wrong = (~is_rotation(motion.rotation)).nonzero()
     if len(wrong):
-        frame = int(wrong[0])
+        frame, part = wrong[0].tolist()
         raise InputError(
             f"{name}: the object's rotations must be rotation matrices with R^T R = I and "
-            f"determinant 1, got in frame {frame} {describe_matrix(motion.rotation[frame])}"
+            f"determinant 1, got in frame {frame} {describe_matrix(motion.rotation[frame, part])}"
         )
 
 
-def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
-    """For a message: why the first matrix is no rotation, and the remedy."""
-    determinant = float(torch.linalg.det(rotation)[0])
+def describe_matrix(matrix: Float[Tensor, "3 3"]) -> str:
+    """For a message: why a matrix is no rotation, and the remedy."""
+    determinant = float(torch.linalg.det(matrix))
     if determinant < 0:
         return f"determinant {determinant:.3g}, a reflection; mirror the mesh instead"
-    length = abs(determinant) ** (1 / 3)
-    if length < 1e-6:
+    scale = determinant ** (1 / 3)
+    if scale < 1e-6:
         return "determinant 0; write NaN in frames in which the object was not found"
-    return (
-        f"determinant {determinant:.3g}; a scale belongs to the mesh, divide the matrix by it "
-        "and multiply the vertices"
-    )
+    if bool(is_rotation(matrix / scale)):
+        return (
+            f"a rotation times {scale:.3g}; a scale belongs to the mesh, divide the matrix by it "
+            "and multiply the vertices"
+        )
+    return "columns of unequal length or not at right angles; correct the numbers"

@@ -17,8 +17,15 @@ HAND = HandTrack(
     joints=torch.from_numpy(good_arrays()["joints"]),
     pose=torch.zeros(FRAMES, 16, 3),
 )
-OBJECT = ObjectTrack((SHEET,), torch.eye(3).repeat(FRAMES, 1, 1, 1), torch.zeros(FRAMES, 1, 3))
+UPRIGHT = torch.eye(3).repeat(FRAMES, 1, 1, 1)
+OBJECT = ObjectTrack((SHEET,), UPRIGHT, torch.zeros(FRAMES, 1, 3))
 GOOD = Sequence((HAND,), OBJECT, 30.0)
+
+
+def of_two_parts(second: torch.Tensor) -> ObjectTrack:
+    """An object of two parts, with (T, 1, 3, 3) rotations of the second one."""
+    rotation, places = torch.cat([UPRIGHT, second], dim=1), torch.zeros(FRAMES, 2, 3)
+    return ObjectTrack((SHEET, SHEET), rotation, places)
 
 
 def test_a_plausible_sequence_passes():
@@ -44,6 +51,14 @@ def test_angles_of_several_turns_in_a_few_frames_are_no_degrees():
         (
             replace(GOOD, object=replace(OBJECT, rotation=torch.zeros(FRAMES, 1, 3, 3))),
             "got in frame 0 determinant 0; write NaN in frames",
+        ),
+        (
+            replace(GOOD, object=of_two_parts(2 * UPRIGHT)),
+            "got in frame 0 a rotation times 2; a scale belongs to the mesh",
+        ),
+        (
+            replace(GOOD, object=of_two_parts(UPRIGHT + 0.3 * torch.ones(3, 3).triu(1))),
+            "got in frame 0 columns of unequal length or not at right angles",
         ),
         (replace(GOOD, hands=(replace(HAND, joints=0 * HAND.joints),)), "all its keypoints in one"),
         (
