@@ -17,11 +17,15 @@ def without_missing(
     """Keypoints with missing ones filled in, their confidence, and notes.
 
     In frames with a hand a missing keypoint gets a confidence of 0 and the position of its parent;
-    a missing wrist that of the mean of the others.
+    a missing wrist that of the mean of the others. Zeros in place of most keypoints leave no
+    confidence in the frame, and become NaN where no frame has a hand.
     """
     missing = missing_keypoints(joints)
     there = (~missing).sum(-1) >= FEWEST_KEYPOINTS
-    missing &= there[:, None]
+    few = ~there & joints.isfinite().flatten(1).all(1)
+    missing &= (there | few)[:, None]
+    if not bool(there.any()):
+        return joints.masked_fill(missing[..., None], torch.nan), confidence, ()
     if not bool(missing.any()):
         return joints, confidence, ()
     filled = joints.clone()
@@ -34,7 +38,9 @@ def without_missing(
         f"{int(missing.sum())} keypoints are NaN or at the origin in {int(missing.any(-1).sum())} "
         f"of {len(joints)} frames: they count for nothing"
     )
-    return filled, sure.masked_fill(missing, 0.0).float(), (note,)
+    if bool(few.any()):
+        note += f"; in {int(few.sum())} of these they are most of the hand, and nothing counts"
+    return filled, sure.masked_fill(missing | few[:, None], 0.0).float(), (note,)
 
 
 def missing_keypoints(joints: Float[Tensor, "T 21 3"]) -> Bool[Tensor, "T 21"]:

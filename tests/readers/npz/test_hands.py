@@ -264,6 +264,23 @@ def test_single_keypoints_that_were_not_found_count_for_nothing(mask, nothing):
     assert reading[1][0].startswith("26 keypoints are NaN or at the origin in 5 of 5 frames")
 
 
+@pytest.mark.parametrize("mask", [{}, {"valid": np.ones(T, bool)}], ids=["no mask", "mask"])
+def test_zeros_in_place_of_most_keypoints_leave_no_hand_in_a_frame(mask):
+    """They were taken for keypoints at the origin."""
+    joints = JOINTS + 1.0
+    joints[[1, 3], 9:] = 0.0
+    reading = read({"joints": joints, **mask}, side="right")
+    assert only(reading).observed.tolist() == [True, False, True, False, True]
+    assert reading[1][0].endswith("in 2 of these they are most of the hand, and nothing counts")
+
+
+def test_zeros_in_place_of_most_keypoints_of_every_frame_leave_nothing_to_clean():
+    joints = JOINTS + 1.0
+    joints[:, 9:] = 0.0
+    with pytest.raises(InputError, match="at least one frame must hold the right hand"):
+        read({"joints": joints}, side="right")
+
+
 def test_a_wrist_at_the_origin_is_found():
     joints = JOINTS - JOINTS[:, :1]
     hand = only(read({"joints": joints}, side="right"))
