@@ -27,7 +27,11 @@ def lost_in(*frames):
 
 
 def test_a_hand_is_not_observed_where_it_or_the_camera_is_lost(tree):
+    with np.load(tree / RESULT) as file:
+        camera = file["camera_to_world_transform"].copy()
+    camera[0] = np.nan
     change(tree, hand_left_is_valid=lost_in(2), camera_is_valid=lost_in(0, FRAMES - 1))
+    change(tree, camera_to_world_transform=camera)
     (recording,) = CASE.read(tree, None)
     left, right = (recording.sequence.hand(side) for side in ("left", "right"))
     assert recording.sequence.frames == FRAMES - 2

@@ -53,14 +53,15 @@ def video_to_data(clip: base.SourceClip, options: base.ReaderOptions) -> base.Pa
     record = read_record(clip.path)
     arrays = {name: record.array(name, shape) for name, shape in FIELDS.items()}
     record.refuse_lengths(*FIELDS)
-    refuse_other_matrices(record, CAMERA, arrays[CAMERA][:, :3, :3])
     hidden = arrays["camera_is_valid"] < 0.5
+    camera = np.where(hidden[:, None, None], np.eye(4), arrays[CAMERA])  # of no kept frame
+    refuse_other_matrices(record, CAMERA, camera[:, :3, :3])
     hands, notes = [], []
     for side in SIDES:
         own = {name: arrays[f"hand_{side}_{name}"] for name in OF_HANDS}
         lost = hidden | (own["is_valid"] < 0.5)
         betas = record.array(f"hand_{side}_betas", (10,))
-        hands.append(read_hand(side, own, lost, betas, arrays[CAMERA]))
+        hands.append(read_hand(side, own, lost, betas, camera))
         notes += about_size(side, own["scale"][~lost])
     lost = hidden | (arrays["object_is_valid"] < 0.5)
     poses, scale = rigid_poses(record, arrays[OBJECT], lost)
@@ -71,8 +72,8 @@ def video_to_data(clip: base.SourceClip, options: base.ReaderOptions) -> base.Pa
     if abs(factor - 1) > ROUNDING:
         notes.append(f"the object is {factor:.3g} times mesh.obj; geneoh convert writes its mesh")
         mesh = Mesh(mesh.verts * factor, mesh.faces)
-    about = {"notes": tuple(notes), "camera_poses": arrays[CAMERA]}
-    meshes, motion = {"video_to_data": mesh}, arrays[CAMERA] @ poses
+    about = {"notes": tuple(notes), "camera_poses": camera}
+    meshes, motion = {"video_to_data": mesh}, camera @ poses
     yield base.ClipParts(f"video_to_data {clip.name}", hands, meshes, motion, **about)
 
 
