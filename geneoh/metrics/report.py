@@ -223,8 +223,8 @@ def format_number(value: float) -> str:
 def through_walls(before: InteractionReport, after: InteractionReport) -> Iterator[str]:
     """A note for the user where a hand still goes through a thin wall after cleaning."""
     if after.through_fraction > 0:
-        old, new = (100 * report.through_fraction for report in (before, after))
+        old, new = (format_number(100 * each.through_fraction) for each in (before, after))
         yield (
-            f"the hand goes through a thin wall of the object in {new:.0f}% of the frames, in the "
-            f"input in {old:.0f}%: depth, which is at most half a wall, does not show it"
+            f"the hand goes through a thin wall of the object in {new}% of the frames, in the "
+            f"input in {old}%: depth, which is at most half a wall, does not show it"
         )

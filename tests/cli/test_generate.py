@@ -125,4 +125,4 @@ def test_hands_that_were_made_through_a_thin_wall_are_told():
     through = replace(hand, after=replace(hand.after, through_fraction=0.5))
     sound, told = (list(replace(made, hands={side: each}).measures()) for each in (hand, through))
     assert told[: len(sound)] == sound
-    assert "goes through a thin wall of the object in 50% of the frames" in told[-1]
+    assert "goes through a thin wall of the object in 50.0% of the frames" in told[-1]
