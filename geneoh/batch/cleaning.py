@@ -61,8 +61,10 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
         try:
             if clip.problem:
                 raise GeneOHError(clip.problem)
-            reading = {**batch.reading, **clip.reading}.values()
-            read = [each for each in reading if isinstance(each, Path) and each.is_file()]
+            reading = {**batch.reading, **clip.reading}
+            paths = {name: each for name, each in reading.items() if isinstance(each, Path)}
+            # the poses may be a folder of texts; of other folders the files that were read count
+            read = [each for name, each in paths.items() if each.is_file() or name == "object_pose"]
             inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
             made = list(_cleaned(clip, batch))
         except CheckpointError:

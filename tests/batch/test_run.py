@@ -124,7 +124,10 @@ def test_a_mesh_that_is_named_from_the_working_folder_is_found_again(clips, clea
         assert clean(clips, meshes=(Path("clip0.obj"),)).before == before
 
 
-def test_clips_whose_poses_of_the_object_changed_are_done_again(clips, clean, monkeypatch):
+@pytest.mark.parametrize("poses_in", ["poses.npy", "ob_in_cam"])
+def test_clips_whose_poses_of_the_object_changed_are_done_again(
+    poses_in, clips, clean, monkeypatch
+):
     monkeypatch.chdir(clips)
     arrays = dict(np.load("clip0.npz"))
     poses = np.tile(np.eye(4), (len(arrays["object_rotation"]), 1, 1))
@@ -132,10 +135,21 @@ def test_clips_whose_poses_of_the_object_changed_are_done_again(clips, clean, mo
         arrays.pop(name)
     np.savez("bare.npz", **arrays)
     for place, before in ((0.0, 0), (0.0, 1), (0.01, 0)):
-        poses[:, 0, 3] = place
-        np.save("poses.npy", poses)
-        made = clean(clips / "bare.npz", reading={"object_pose": Path("poses.npy")})
+        if place or not Path(poses_in).exists():
+            poses[:, 0, 3] = place
+            write_poses(Path(poses_in), poses)
+        made = clean(clips / "bare.npz", reading={"object_pose": Path(poses_in)})
         assert (made.before, made.failed) == (before, [])
+
+
+def write_poses(place, poses):
+    """Poses in a npy, or in a folder with a text for each frame."""
+    if place.suffix:
+        np.save(place, poses)
+        return
+    place.mkdir(exist_ok=True)
+    for frame, pose in enumerate(poses):
+        np.savetxt(place / f"{frame:06d}.txt", pose)
 
 
 def test_what_changed_and_what_is_missing_is_done_again(clips, clean, tmp_path):
