@@ -77,8 +77,9 @@ def named_alike(files: Iterable[Path]) -> list[list[Path]]:
 
 def frames_of_names(names: list[str], where: Path) -> list[int]:
     """The frame number in each name; names differ in it alone, or also in the number of a hand."""
-    numbers = np.array([[*map(int, re.findall(r"\d+", name))] for name in names], dtype=object)
-    differing = [column for column in numbers.T if len(set(column)) > 1]
+    numbers = [[*map(int, re.findall(r"\d+", name))] for name in names]
+    alike = len({len(each) for each in numbers}) == 1
+    differing = [c for c in zip(*numbers, strict=True) if len(set(c)) > 1] if alike else []
     if len(differing) == 2 and len(set(differing[1])) <= min(len(set(differing[0])), MOST_PEOPLE):
         differing = differing[:1]
     if len(differing) != 1 or max(differing[0]) > FRAME_LIMIT:
@@ -87,7 +88,7 @@ def frames_of_names(names: list[str], where: Path) -> list[int]:
             f"image, got {names[0]} to {names[-1]}; rename the files, or give those of each "
             "recording a folder of their own"
         )
-    return differing[0].tolist()
+    return list(differing[0])
 
 
 def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]:

@@ -185,6 +185,14 @@ def test_names_that_may_mean_several_recordings_are_refused(tmp_path):
         geneoh.read("hamer", tmp_path)
 
 
+def test_images_of_one_file_named_by_more_numbers_or_fewer_are_refused(tmp_path):
+    names = ("000001.png", "000002_0.png", "000003.png")
+    held = dict(zip(names, images(tmp_path), strict=False))
+    (tmp_path / "video.pkl").write_bytes(pickle.dumps(held))
+    with pytest.raises(InputError, match="expected names that differ in one number"):
+        geneoh.read("hamer", tmp_path)
+
+
 @pytest.mark.parametrize("held", [[1, 2], {"a1": 3}, "text", {}, [], None])
 def test_other_values_are_refused(tmp_path, held):
     (tmp_path / "video.pkl").write_bytes(pickle.dumps(held))
