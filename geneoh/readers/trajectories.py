@@ -2,7 +2,7 @@
 
 A row is a pose, object to the hand's frame: a translation and a quaternion in named columns or
 fields, such as `tx`, `qw`, `pose.position.x` or `q_RS_w []`, or a matrix in row-major order.
-Without names, space-separated rows of 8 numbers have TUM's format (time, translation, quaternion
+Without names, space-separated rows of 8 numbers have TUM's format (seconds, translation, quaternion
 xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4, as in logs of Open3D, are whole matrices.
 """
 
@@ -38,7 +38,7 @@ NUMBER = re.compile(r"[-+]?\.?\d|nan\b", re.IGNORECASE)
 """The beginning of a number."""
 
 TUM: list[str] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
-"""Columns of a trajectory in TUM's format, which has no heading."""
+"""Columns of a trajectory in TUM's format, in seconds; a heading may name them."""
 HIGHEST_RATE = 2000.0
 """Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
 
@@ -100,8 +100,8 @@ def table_in_text(path: Path) -> Table:
             f"{path}: expected rows that are as long as each other and as their heading, got "
             f"{got}rows of {sorted(widths)[:4]} cells; correct the table"
         )
-    if not names and separator is None and widths == {len(TUM)}:
-        names = TUM
+    if separator is None and widths == {len(TUM)} and names in ([], TUM):
+        names = ["timestamp_s", *TUM[1:]]
     dated = {at for at, name in enumerate(names) if plain_name(name) in TIME_NAMES}
     numbers = [
         [time_in(cell) if at in dated else number_in(cell) for at, cell in enumerate(row)]

@@ -208,6 +208,18 @@ def test_a_hand_and_an_object_with_times_need_no_equal_frames(tmp_path, source):
     np.testing.assert_allclose(found.object.rotation[seen, 0], POSES[seen, :3, :3], atol=1e-6)
 
 
+@pytest.mark.parametrize("heading", ["", "# timestamp tx ty tz qx qy qz qw"])
+def test_times_of_tum_are_seconds_however_far_apart(tmp_path, heading):
+    """Key frames of SLAM a second apart were taken to be milliseconds apart."""
+    seconds = np.arange(FRAMES) / 2
+    path = hand_of(tmp_path, seconds, timestamps_s=seconds, fps=2.0)
+    keys = slice(None, None, 2)
+    text = table(heading, seconds[keys], PLACES[keys], XYZW[keys], comma=" ")
+    (tmp_path / "obj.tum").write_text(text)
+    found = geneoh.load(path, object_pose=tmp_path / "obj.tum")
+    np.testing.assert_allclose(found.object.translation[keys, 0], PLACES[keys], atol=1e-6)
+
+
 def test_poses_with_times_beside_a_hand_without_are_one_for_each_frame(tmp_path):
     (tmp_path / "obj.tum").write_text(TRAJECTORIES["tum"])
     path = hand_of(tmp_path, TIMES, fps=30.0)
