@@ -5,7 +5,7 @@ A method uses only the noisy clip; those that also use the ground truth are mark
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -145,11 +145,8 @@ def optimised_hand(
 
 def predicted_hand(case: Case, baseline: BaselineName, weights: Path | None = None) -> CleanedHand:
     """The prediction of a baseline network, trained on the cleaner's data, in one call."""
-    network = network_of(baseline, weights)
+    network = networks.load_baseline(baseline, weights)
     return CleanedHand(predicted_joints(network, case.noisy, seed=case.seed))
-
-
-network_of = cache(networks.load_baseline)  # loaded once per process
 
 
 @torch.no_grad()

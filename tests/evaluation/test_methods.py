@@ -141,6 +141,17 @@ def test_a_baseline_predicts_every_frame_of_a_left_hand(tmp_path, noisy_case, na
         torch.testing.assert_close(cleaned.joints, given, atol=1e-4, rtol=0)
 
 
+def test_weights_that_were_trained_on_are_read_again(tmp_path, noisy_case):
+    record = {"stage": "toch", "config": asdict(TrainConfig())}
+    weights = build_model("toch", TrainConfig()).state_dict()
+    found = []
+    for factor in (1.0, 2.0):
+        scaled = {name: factor * tensor for name, tensor in weights.items()}
+        save_checkpoint(tmp_path / "toch.safetensors", Checkpoint(scaled, record))
+        found.append(predicted_hand(noisy_case, "toch", tmp_path).joints)
+    assert not torch.equal(*found)
+
+
 def test_geneoh_cleans_by_its_options_and_the_seed_of_the_case(noisy_case):
     options = Options(preset="fast", seed=5)
     cleaned = denoised_hand(noisy_case, options)
