@@ -142,6 +142,20 @@ def test_the_object_of_a_file_of_bare_arrays_is_read_with_its_mesh(estimated, tm
     assert found.object.rotation.allclose(known.object.rotation)
 
 
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_an_object_that_starts_from_rest_at_the_origin_is_seen_there(estimated, tmp_path, unit):
+    """In millimetres its first step seemed to be a leap away from poses that were never set."""
+    joints = estimated[0].hand("left").joints.numpy()[:20]
+    pose = np.tile(np.eye(4), (20, 1, 1))
+    pose[10:, 2, 3] = 0.001 * np.arange(1, 11)
+    scale = {"m": 1, "mm": 1000}[unit]
+    pose[:, :3, 3] *= scale
+    own = {"side": "left", "fps": 30.0, "obj_pose": pose}
+    np.savez(tmp_path / "points.npz", joints=scale * joints, **own)
+    found = geneoh.read("keypoints", tmp_path / "points.npz", keypoint_unit=unit)
+    assert found.object.observed.all()
+
+
 def test_poses_of_the_caller_go_before_those_of_a_file_of_bare_keypoints(estimated, tmp_path):
     known, _, pose = estimated
     points = known.hand("left").joints.numpy()

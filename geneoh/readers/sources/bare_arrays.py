@@ -14,7 +14,6 @@ wrist or origin); the pose is taken as absolute unless --mean-pose.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,6 +31,7 @@ from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.keypoints.mediapipe import refuse_image_landmarks
 from geneoh.readers.keypoints.missing import without_missing
 from geneoh.readers.npz import layouts
+from geneoh.readers.npz.files import in_metres
 from geneoh.readers.npz.hands import side_of
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.npz.tracks import frames_with_shape, observed_frames, read_confidence
@@ -118,8 +118,8 @@ def beside_hand(record: Record, options: base.ReaderOptions, notes: Notes) -> di
     if options.object_pose is not None:
         notes = (*notes, *unread(record, fields, "--object-pose"))
     elif any(name in record for name in fields):
-        motion, unit = read_object(record, options.meshes, 1), METRES[options.keypoint_unit or "m"]
-        motion = replace(motion, translation=unit * motion.translation)
+        of_object = in_metres(record, "joints", options.keypoint_unit)
+        motion = read_object(of_object, options.meshes, 1)
     fields = (*layouts.CAMERA_FIELDS, layouts.CAMERA_POSES)
     camera = unread(record, fields, "--from; --camera and --camera-pose give the camera")
     return {"stamps": record, "object_track": motion, "notes": (*notes, *camera)}
