@@ -155,7 +155,8 @@ def _callers_object(
             raise ConfigError("--object-pose-frame: needs --object-pose, got none; drop it")
         about = "the source has no object; give one with --obj"
         return ObjectTrack.resting((), parts.frames), (about,)
-    poses, notes = options.object_pose.of_frames(parts.frames, where, clock, parts.first)
+    given = options.object_pose.without_unset(options.meshes)
+    poses, notes = given.of_frames(parts.frames, where, clock, parts.first)
     refuse_bottom_row(where, "the poses in --object-pose", poses)
     if options.object_pose_frame == "camera":
         if parts.camera_poses is None:

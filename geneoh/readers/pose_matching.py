@@ -1,15 +1,19 @@
 """Poses of an object or a camera, and how they are matched with the frames of a hand."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.choices import Unit
 from geneoh.errors import InputError, numbered
+from geneoh.geometry.mesh import Mesh
 from geneoh.readers.clock import EVEN, GAP_FRAMES, Clock
-from geneoh.readers.records import Array, Notes, Record
+from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.readers.transforms import refuse_other_matrices
+from geneoh.sequence.gaps import unset
+from geneoh.sequence.sequence import ObjectTrack
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,16 @@ class PoseTrack:
     def first(self) -> int:
         """Frame number of the first pose, 0 where it is unknown."""
         return self.number or 0
+
+    def without_unset(self, meshes: Iterable[Mesh]) -> "ObjectPoses":
+        """The poses of an object, with NaN in place of those that were never set (`unset`).
+
+        Interpolated between times, or in another frame, they would look like any others.
+        """
+        parts = self.matrices.reshape(len(self.matrices), -1, 4, 4)
+        rotation, translation = float32(parts[..., :3, :3]), float32(parts[..., :3, 3])
+        lost = unset(ObjectTrack(tuple(meshes), rotation, translation)).numpy()
+        return replace(self, matrices=np.where(lost[..., None, None], np.nan, parts))
 
     def of_frames(
         self, frames: int, where: str, clock: Clock | None, first: int = 0

@@ -73,3 +73,13 @@ def test_poses_in_the_world_are_said_to_be_so(read):
 def test_another_frame_is_refused(read):
     with pytest.raises(ConfigError, match="object_pose_frame"):
         read(scene().matrices(), "hand")
+
+
+def test_poses_that_were_never_set_are_missing_in_the_cameras_frame_too(read):
+    """Identities of the camera's frame became poses at the place of the camera."""
+    there = scene().matrices()
+    poses = np.linalg.inv(cameras()) @ there
+    poses[2] = np.eye(4)
+    found = read(poses, "camera").object
+    assert found.observed[:, 0].tolist() == [frame != 2 for frame in range(len(poses))]
+    np.testing.assert_allclose(found.translation[3:, 0], there[3:, :3, 3], atol=1e-6)

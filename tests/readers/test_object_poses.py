@@ -220,6 +220,17 @@ def test_times_of_tum_are_seconds_however_far_apart(tmp_path, heading):
     np.testing.assert_allclose(found.object.translation[keys, 0], PLACES[keys], atol=1e-6)
 
 
+@pytest.mark.parametrize("late", [0.0, 0.01])
+def test_poses_that_were_never_set_are_not_interpolated_with_others(tmp_path, late):
+    path = hand_of(tmp_path, TIMES, timestamps=TIMES)
+    places, turns = PLACES + 1.0, XYZW.copy()
+    places[4:6], turns[4:6] = 0.0, [0.0, 0.0, 0.0, 1.0]
+    (tmp_path / "obj.tum").write_text(table("", TIMES + late, places, turns, comma=" "))
+    found = geneoh.load(path, object_pose=tmp_path / "obj.tum").object
+    np.testing.assert_allclose(found.translation[:, 0], PLACES + 1.0, atol=0.02)
+    assert not found.observed[4:6].any()
+
+
 def test_poses_with_times_beside_a_hand_without_are_one_for_each_frame(tmp_path):
     (tmp_path / "obj.tum").write_text(TRAJECTORIES["tum"])
     path = hand_of(tmp_path, TIMES, fps=30.0)

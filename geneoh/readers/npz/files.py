@@ -215,7 +215,8 @@ def sequence_in(
     """
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
-    for name, track in (("obj_pose", object_poses), (CAMERA_POSES, camera_poses)):
+    set_poses = object_poses and object_poses.without_unset(meshes)
+    for name, track in (("obj_pose", set_poses), (CAMERA_POSES, camera_poses)):
         if track is not None:
             poses, about_poses = track.of_frames(hands[0].frames, record.where, clock)
             record = replace(record, values={**record.values, name: poses})
