@@ -200,9 +200,7 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
 def sequence_of(
     hands: list[HandTrack], motion: ObjectTrack, fps: float, source: str, notes: Iterable[str]
 ) -> Sequence:
-    """A sequence of the observed hands, with the notes in `source`; `InputError` without a hand."""
-    if not hands:
-        raise InputError(f"{source}: expected a hand in some frame, got none; nothing to clean")
+    """A sequence of the observed hands, with the notes in `source`."""
     words = "; ".join(dict.fromkeys(notes))
     return Sequence(tuple(hands), motion, fps, f"{source} ({words})" if words else source)
 

@@ -96,15 +96,15 @@ class DatasetReader:
         of these frames the nearest one of the clip."""
         where, checks = str(clip.path), parts.cross_checks
         rate, clock, about_time = self.timing(parts, options, where)
+        hands, about_hands = _hands_of(parts, parts.convention or self.convention, options, where)
         motion, about_object = _object_of(parts, options, clock, where)
         motion, about_meshes = meshes.with_parts(motion)
         names = tuple(parts.meshes)
         if len(names) != len(motion.meshes):
             names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
-        notes = [*about_object, *parts.notes, *about_time, *about_meshes]
-        hands, about_hands = _hands_of(parts, parts.convention or self.convention, options, where)
+        notes = [*about_object, *parts.notes, *about_time, *about_meshes, *about_hands]
         cameras, about_cameras = _callers_cameras(parts, options, clock, where)
-        notes += [*about_hands, *about_cameras]
+        notes += about_cameras
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
         sequence = replace(sequence, camera_to_world=cameras)
         refuse_other_frames(where, sequence, checks)
@@ -188,7 +188,8 @@ def _callers_cameras(
 def _hands_of(
     parts: ClipParts, convention: base.ManoConvention, options: ReaderOptions, where: str
 ) -> tuple[list[HandTrack], list[str]]:
-    """The hands that were observed in some frame, and notes on what was assumed."""
+    """The hands that were observed in some frame, `InputError` without any, and notes on what was
+    assumed."""
     hands, notes = [], []
     for hand in parts.hands:
         about = ()
@@ -197,6 +198,9 @@ def _hands_of(
         if bool(hand.valid.any()):
             hands.append(hand)
             notes += about
+    if not hands:
+        words = "expected a hand in some frame, got none; nothing to clean"
+        raise InputError(f"{parts.source}: {words}")
     return hands, notes
 
 

@@ -1,11 +1,27 @@
 """HaWoR's world results without the camera that it tracks beside them."""
 
+import pickle
+
 import numpy as np
 import pytest
-from trees import FRAMES, case_of
+from trees import FRAMES, case_of, scene
+
+import geneoh
+from geneoh.errors import InputError
+from geneoh.files.values import read_values
 
 CASE = case_of("hawor")
 TRACK = f"video/SLAM/hawor_slam_w_scale_0_{FRAMES}.npz"
+
+
+def test_a_clip_without_a_hand_is_told_as_such_beside_poses_of_an_object(tmp_path):
+    """The poses were said to be too many for one frame."""
+    CASE.write(tmp_path)
+    (path,) = tmp_path.rglob("world_space_res.pth")
+    *others, valid = read_values(path)
+    path.write_bytes(pickle.dumps([*others, 0 * valid]))
+    with pytest.raises(InputError, match="expected a hand in some frame, got none"):
+        geneoh.read("hawor", tmp_path, object_pose=scene().matrices())
 
 
 def test_without_its_track_the_camera_is_not_known(tmp_path):
