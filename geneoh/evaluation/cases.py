@@ -109,8 +109,7 @@ class Case:
             for note in subject.notes:
                 told, *_ = note.split("; --")  # another option than that of an evaluation
                 LOG.warning("%s: %s; --mano takes betas of MANO", path, told)
-            if own is not None:
-                found = replace(found, hands=(replace(hand, joints=subject.joints),))
+            found = replace(found, hands=(replace(hand, joints=subject.joints),))
         return found
 
 

@@ -263,6 +263,15 @@ def test_a_prediction_of_parameters_is_posed_by_the_users_mano(tmp_path, as_ship
     assert error(stored_hand(told, tmp_path), case) < 1e-6
 
 
+@pytest.mark.parametrize("domain", ["keypoints", "parameters"])
+def test_a_stored_input_of_parameters_alone_can_be_filtered(tmp_path, noisy_case, domain):
+    hand = noisy_case.noisy.hands[0]
+    alone = replace(noisy_case.noisy, hands=(replace(hand, joints=None),))
+    save_sequence(alone, tmp_path / noisy_case.file_name)
+    case = replace(noisy_case, stored=tmp_path)
+    assert error(filtered_hand(case, "savgol", domain), case) < error(unchanged(case), case)
+
+
 def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):
     (method,), _ = methods_of(replace(ALL, methods=("one-call",)))
     options = method.clean.keywords["options"]
