@@ -20,6 +20,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MANO_NAMES, MENDED, load_pose_space, name_of
 from geneoh.readers import mano
 from geneoh.readers.base import finite_frames
+from geneoh.readers.keypoints.missing import without_missing
 from geneoh.readers.npz import layouts
 from geneoh.readers.npz.layouts import JOINT_NAMES, SMPLX_PARAMETERS, Layout
 from geneoh.readers.npz.tracks import read_betas, read_hand_model, read_track
@@ -137,7 +138,7 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
     transl = record.tensor("transl", ("T", 3), unit="in metres")
     joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
     if joints is not None:
-        wrist = joints[:, 0]
+        wrist = without_missing(joints, None)[0][:, 0]
     elif transl is not None:
         betas = read_betas(record, "betas")[0] if model in MANO_NAMES else None
         offset, notes = offset_of_wrist(side, model, betas, mano_dir)

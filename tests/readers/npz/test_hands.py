@@ -132,6 +132,15 @@ def test_smplx_joints_tell_the_wrist_exactly():
     assert reading[1] == ()
 
 
+@pytest.mark.parametrize("nothing", [np.nan, 0.0])
+def test_smplx_joints_without_the_wrist_in_a_frame_keep_the_frame(nothing):
+    joints = JOINTS + 1.0
+    joints[2, 0] = nothing
+    hand = only(read({**SMPLX, "joints": joints}, side="right"))
+    assert hand.valid.all()
+    torch.testing.assert_close(hand.wrist, hand.joints[:, 0])
+
+
 def test_smplx_files_may_say_whose_betas_they_have():
     shipped = {**SMPLX, "joints": JOINTS}
     assert only(read(shipped, side="left")).hand_model == "mano-as-shipped"
