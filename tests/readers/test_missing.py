@@ -537,3 +537,11 @@ def test_texts_from_a_later_number_on_lack_the_first_poses_of_the_hand(later):
     (later / "poses" / "6.txt").unlink()
     with pytest.raises(InputError, match=f"got {FRAMES - 1} from number 7 on; cut"):
         geneoh.read("hamer", later / "video.pt", object_pose=later / "poses")
+
+
+def test_a_hidden_file_among_the_meshes_does_not_shift_their_numbers(tmp_path, mano_dir):
+    """With one, the mug of a clip became the apple before it in the listing."""
+    LEFT_CLIPS.write(tmp_path)
+    next(tmp_path.rglob("mug.ply")).with_name(".DS_Store").touch()
+    (recording,) = LEFT_CLIPS.read(tmp_path, mano_dir)
+    assert recording.mesh_names == ("grab_mug",)

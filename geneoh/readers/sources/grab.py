@@ -252,7 +252,8 @@ def _read_object(record: Record, path: Path, options: base.ReaderOptions) -> tup
             f"{path}: expected GRAB's meshes in {MESHES} of a folder above, got none; pass "
             "--objects with the folder, or --obj with the object's mesh"
         )
-    listing = sorted(file.name for file in folder.iterdir())
+    # files such as .DS_Store are not of the data set, and would shift the numbers
+    listing = sorted(file.name for file in folder.iterdir() if file.name[0] != ".")
     numbers = set(record.integers("f7"))
     if len(numbers) != 1:
         raise record.refuse("f7", "one object in all frames: a clip, not a whole split")
