@@ -24,7 +24,7 @@ from geneoh.files.journal import CLEANED, is_journal
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text, refuse_missing, table_in
 from geneoh.pipeline.options import Options
-from geneoh.readers.base import SourceClip, place_in
+from geneoh.readers.base import SourceClip, below, place_in
 from geneoh.readers.column_names import coordinate_in
 from geneoh.readers.foreign_files import number_in
 from geneoh.readers.meshes import mesh_beside
@@ -141,15 +141,15 @@ def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
         clips = find_source_clips(source_named(source), [path], folder)
         return [BatchClip(clip.name, clip.path, source) for clip in clips]
     if path.is_dir():
-        below = [each for each in sorted(path.rglob("*.npz")) if each.is_file()]
-        runs = {each.parent for each in path.rglob(CLEANED) if is_journal(each)} - {path}
-        others = [each for each in below if not lies_within(each, folder)]
+        there = [each for each in sorted(below(path, "*.npz")) if each.is_file()]
+        runs = {each.parent for each in below(path, CLEANED) if is_journal(each)} - {path}
+        others = [each for each in there if not lies_within(each, folder)]
         found = [each for each in others if runs.isdisjoint(each.parents)]
         if earlier := len(others) - len(found):
             LOG.warning("%s: %s of earlier runs left out", path, numbered(earlier, "result"))
-        if below and not found:
+        if there and not found:
             raise InputError(
-                f"{path}: expected npz files outside of folders for results, got {len(below)} "
+                f"{path}: expected npz files outside of folders for results, got {len(there)} "
                 "within them; choose another --out, or name a folder of results itself"
             )
         if not found:

@@ -1,6 +1,8 @@
 """Data types that readers share: the caller's options, the parts of a clip, and recordings."""
 
+import fnmatch
 import math
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -254,7 +256,26 @@ def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
     if PurePath(path.name.lower()).match(name.lower()) and path.is_dir() == folders:
         yield path
     elif path.is_dir():
-        yield from sorted(p for p in path.rglob(name) if p.is_dir() == folders)
+        yield from sorted(below(path, name, folders=folders))
+
+
+def below(folder: Path, pattern: str, *, folders: bool = False) -> Iterator[Path]:
+    """Files, or folders, at any depth of a folder, whose name matches a pattern.
+
+    Other than `Path.rglob` it follows links to folders, last, and each real folder once.
+    """
+    real: set[str] = set()
+    waiting = [str(folder)]
+    while waiting:
+        for place, inside, files in os.walk(waiting.pop(0)):
+            if (there := os.path.realpath(place)) in real:
+                inside.clear()
+                continue
+            real.add(there)
+            paths = [os.path.join(place, each) for each in inside]
+            waiting.extend(sorted(filter(os.path.islink, paths)))
+            named = fnmatch.filter(inside if folders else files, pattern)
+            yield from (Path(place, each) for each in named)
 
 
 def clip_name(path: Path, parts: int) -> str:

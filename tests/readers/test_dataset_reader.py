@@ -7,7 +7,7 @@ from trees import scene
 from trees.videos import hot3d
 
 from geneoh.errors import InputError
-from geneoh.readers.base import ReaderOptions
+from geneoh.readers.base import ReaderOptions, paths_matching
 from geneoh.readers.recordings import find_clips, read_clip, read_one, source_named
 
 
@@ -55,3 +55,16 @@ def test_frames_without_the_object_are_left_out_at_their_times(tmp_path, mano_di
     for span, found in zip(spans, read_clip(source, clip, options), strict=True):
         places = found.sequence.object.translation[:, 0].numpy()
         np.testing.assert_allclose(places, whole.shift[span], atol=1e-5)
+
+
+def test_links_to_folders_are_followed_and_each_folder_is_read_once(tmp_path):
+    """Clips behind links, as where parts of a data set are on another disk, were passed over."""
+    for name in ("here/s1/a.npz", "elsewhere/b.npz"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).touch()
+    (tmp_path / "here/linked").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "here/again").symlink_to(tmp_path / "here")
+    (tmp_path / "here/a").symlink_to(tmp_path / "here/s1")
+    found = list(paths_matching(tmp_path / "here", "*.npz"))
+    assert found == [tmp_path / "here/linked/b.npz", tmp_path / "here/s1/a.npz"]
+    assert list(paths_matching(tmp_path / "here", "s1/")) == [tmp_path / "here/s1"]
