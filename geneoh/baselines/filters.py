@@ -7,7 +7,7 @@ test clip itself, chosen with the ground truth (`best_filtered`), as no user can
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -62,8 +62,18 @@ TUNED: dict[tuple[FilterKind, Domain], Filter] = {
     ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.65 mm
     ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 19.14 mm
 }
-"""One size for all kinds of noise, with its mean keypoint error on the validation clips; printed by
-`python -m tools.tune_filters`."""
+"""One size for all kinds of noise, with its mean keypoint error on the validation clips, which have
+`TUNED_FPS` frames a second; printed by `python -m tools.tune_filters`."""
+TUNED_FPS = 30.0
+
+
+def tuned_at(kind: FilterKind, domain: Domain, fps: float) -> Filter:
+    """The tuned filter, which smooths over the same time at any frame rate; windows are odd."""
+    chosen = TUNED[kind, domain]
+    size = chosen.size * fps / TUNED_FPS
+    if kind == "savgol":
+        size = 2.0 * max(1, round((size - 1) / 2)) + 1
+    return chosen if kind == "one-euro" else replace(chosen, size=size)
 
 
 def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:

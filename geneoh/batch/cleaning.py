@@ -64,7 +64,9 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
             reading = {**batch.reading, **clip.reading}
             paths = {name: each for name, each in reading.items() if isinstance(each, Path)}
             # the poses may be a folder of texts; of other folders the files that were read count
-            read = [each for name, each in paths.items() if each.is_file() or name == "object_pose"]
+            read = [
+                each for name, each in paths.items() if each.is_file() or name.endswith("_pose")
+            ]
             inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
             made = list(_cleaned(clip, batch))
         except CheckpointError:

@@ -107,7 +107,7 @@ class Case:
             own = None if mano_dir is None else hand.hand_model
             subject = subject_of(hand, hand_of_betas(side, own, mano_dir=mano_dir))
             for note in subject.notes:
-                told, *_ = note.split("; --")  # another option than that of an evaluation
+                told, *_ = note.split(" (--")  # another option than that of an evaluation
                 LOG.warning("%s: %s; --mano takes betas of MANO", path, told)
             found = replace(found, hands=(replace(hand, joints=subject.joints),))
         return found

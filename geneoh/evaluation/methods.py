@@ -87,7 +87,8 @@ def unchanged(case: Case) -> CleanedHand:
 def filtered_hand(case: Case, kind: FilterKind, domain: filters.Domain) -> CleanedHand:
     """A low-pass filter with the size that was tuned on validation clips."""
     hand = hand_with(case, domain)
-    return CleanedHand(filters.filtered(hand, filters.TUNED[kind, domain], domain, case.noisy.fps))
+    fps = case.noisy.fps
+    return CleanedHand(filters.filtered(hand, filters.tuned_at(kind, domain, fps), domain, fps))
 
 
 def best_filtered_hand(case: Case, domain: filters.Domain) -> CleanedHand:
@@ -128,7 +129,8 @@ def optimised_hand(
     """Optimisation only: a tuned filter, then our fit with its contact and smoothness terms."""
     hand, motion = case.noisy.hands[0], case.noisy.object
     domain = filters.domains_of(hand)[-1]
-    target = filters.filtered(hand, filters.TUNED["savgol", domain], domain, case.noisy.fps)[None]
+    smoother = filters.tuned_at("savgol", domain, case.noisy.fps)
+    target = filters.filtered(hand, smoother, domain, case.noisy.fps)[None]
     model = hand_of_betas(hand.side, hand.hand_model, asked=source, mano_dir=mano_dir)
     subject = subject_of(hand, model)
     state = fit_hand(

@@ -37,7 +37,7 @@ class PoseTrack:
         """Frame number of the first pose, 0 where it is unknown."""
         return self.number or 0
 
-    def without_unset(self, meshes: Iterable[Mesh]) -> "ObjectPoses":
+    def without_unset(self, meshes: Iterable[Mesh]) -> "PoseTrack":
         """The poses of an object, with NaN in place of those that were never set (`unset`).
 
         Interpolated between times, or in another frame, they would look like any others.

@@ -39,6 +39,8 @@ NUMBER = re.compile(r"[-+]?\.?\d|nan\b", re.IGNORECASE)
 
 TUM: list[str] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
 """Columns of a trajectory in TUM's format, in seconds; a heading may name them."""
+LATEST_SECOND = 1e11
+"""Largest time in seconds since 1970, in the year 5138: a larger number has another unit."""
 HIGHEST_RATE = 2000.0
 """Highest rate of poses in Hz, 1000 times the lowest; the unit of timestamps follows from them."""
 
@@ -101,7 +103,8 @@ def table_in_text(path: Path) -> Table:
             f"{got}rows of {sorted(widths)[:4]} cells; correct the table"
         )
     if separator is None and widths == {len(TUM)} and names in ([], TUM):
-        names = ["timestamp_s", *TUM[1:]]
+        # some programs write nanoseconds, which as seconds would be millennia
+        names = TUM if number_in(rows[0][0]) > LATEST_SECOND else ["timestamp_s", *TUM[1:]]
     dated = {at for at, name in enumerate(names) if plain_name(name) in TIME_NAMES}
     numbers = [
         [time_in(cell) if at in dated else number_in(cell) for at, cell in enumerate(row)]

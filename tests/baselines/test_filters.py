@@ -18,6 +18,7 @@ from geneoh.baselines.filters import (
     filtered,
     one_euro,
     smooth,
+    tuned_at,
     unwrapped,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -95,6 +96,19 @@ def test_every_tuned_filter_takes_jitter_off_the_recording(hand, kind, domain):
 @EVERY
 def test_every_tuned_size_was_to_be_had(kind, domain):
     assert TUNED[kind, domain] in GRID[kind]
+
+
+def test_a_tuned_filter_lasts_as_long_at_any_frame_rate():
+    assert [tuned_at("savgol", "keypoints", fps).size for fps in (5.0, 15.0, 30.0, 120.0)] == [
+        3,
+        7,
+        15,
+        61,
+    ]
+    assert [tuned_at("gaussian", "parameters", fps).size for fps in (15.0, 30.0, 60.0)] == [1, 2, 4]
+    for kind, domain in TUNED:
+        assert tuned_at(kind, domain, FPS) == TUNED[kind, domain]
+    assert tuned_at("one-euro", "keypoints", 15.0) == TUNED["one-euro", "keypoints"]  # in hertz
 
 
 def test_a_filter_on_parameters_keeps_the_bones(hand):

@@ -53,6 +53,7 @@ MATRICES = POSES[:, :3].reshape(-1, 12)
 TRAJECTORIES = {
     "tum": table("", TIMES, PLACES, XYZW, comma=" "),
     "tum with names": table("# timestamp tx ty tz qx qy qz qw", TIMES, PLACES, XYZW, comma=" "),
+    "tum in nanoseconds": table("", TIMES * 1e9, PLACES, XYZW, comma=" "),
     "kitti": table("", POSES[:, :3].reshape(-1, 12), comma=" "),
     "16 numbers": table("", POSES.reshape(-1, 16)),
     "blocks": "\n".join(table("", pose, comma=" ") for pose in POSES),
