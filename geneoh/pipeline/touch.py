@@ -11,8 +11,9 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import FINGERS, KEYPOINT_FINGERS, TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
 
-EXACT_WITHIN = 0.015
-"""Distance up to which the distance of a finger to the object must be exact, metres."""
+EXACT_WITHIN = 0.03
+"""Distance up to which the distance of a finger to the object must be exact, metres: at usual
+errors of its tip, a finger farther away certainly does not touch."""
 NEARER = 0.0027
 """Mean distance by which touching fingers are too far from the object in results, metres."""
 SPREAD_SHARE, LEAST_SPREAD = 0.13, 0.0033

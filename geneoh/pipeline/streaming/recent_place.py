@@ -60,8 +60,9 @@ class RecentRun(StageRun):
         enough = context.frames >= LEAST_PLACED
         if enough and self.done - self.place.since >= PLACE_EVERY:
             found, width = super().placed(observed, hand, context, plan)
-            # the shift is the same in all frames of one window
-            self.place.learn((found.wrist - hand.wrist)[:, :1], float(width[0]), self.done)
+            at = min(self.done - self.first, context.frames - 1)  # drift changes within a window
+            shift = (found.wrist - hand.wrist)[:, at : at + 1]
+            self.place.learn(shift, float(width[at]), self.done)
         frames = (torch.arange(context.frames) + self.first).to(hand.wrist)
         moved = replace(hand, wrist=hand.wrist + self.place.at(frames))
         return moved, torch.full_like(frames, self.place.width)
