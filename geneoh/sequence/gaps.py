@@ -127,11 +127,10 @@ def blendable(hand: HandTrack, carrier: Carrier | None = None) -> HandTrack:
     keypoint that never has any is kept as it is.
     """
     trusted, seen = hand.trust > 0, hand.observed
-    filled = fill_gaps(replace(hand, valid=seen), carrier)
     lost = (~trusted[seen]).any(0) & trusted.any(0)
-    if filled.joints is None or not bool(lost.any()):
-        return filled
-    return replace(filled, joints=over_time(filled.joints, trusted, lost))
+    if hand.joints is not None:
+        hand = replace(hand, joints=over_time(hand.joints, trusted, lost))
+    return fill_gaps(replace(hand, valid=seen), carrier)
 
 
 def without_placeholders(hand: HandTrack) -> HandTrack:

@@ -158,6 +158,10 @@ def test_a_hand_that_is_carried_stays_where_it_is_on_its_carrier():
     for got, want in zip(fields(found), fields(whole), strict=True):
         torch.testing.assert_close(got, want, rtol=0, atol=1e-5)
     assert torch.equal(found.joints[valid], whole.joints[valid])
+    confidence = torch.ones(T, 21)
+    confidence[0, 5] = 0.0  # a keypoint that another frame lacks is carried like the others
+    found = blendable(replace(whole, valid=valid, confidence=confidence), carrier)
+    torch.testing.assert_close(found.joints[1:], whole.joints[1:], rtol=0, atol=1e-5)
 
 
 def test_a_hand_that_is_carried_at_one_end_of_a_gap_alone_leaves_its_carrier():
