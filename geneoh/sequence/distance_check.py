@@ -9,6 +9,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.rigid import Rigid
+from geneoh.sequence.gaps import without_placeholders
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 FARTHEST_HAND = 0.5
@@ -80,6 +81,7 @@ def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " 
 
     Negative inside; zero without a mesh, a wrist or an observed pose.
     """
+    hand = without_placeholders(hand)
     wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
     if not motion.meshes or wrist is None:
         return torch.zeros(hand.frames, device=hand.valid.device)
