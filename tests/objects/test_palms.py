@@ -169,6 +169,7 @@ def test_keypoints_that_are_not_trusted_tell_nothing():
     trust[40:50, 9] = trust[70] = 0
     palm = palm_at(joints, trust > 0)
     assert np.flatnonzero(~palm.seen).tolist() == [*range(40, 50), 70]
+    assert np.isfinite(palm.places).all()
     assert clean_object(motion, FPS, (palm,))[0] is motion
     unknown = palm_at(torch.zeros(FRAMES, 21, 3), torch.zeros(FRAMES, 21, dtype=torch.bool))
     found, alone = (clean_object(motion, FPS, each)[1].white_noise for each in ((unknown,), ()))

@@ -35,6 +35,13 @@ def test_fast_shaking_is_motion_and_no_noise(sigma):
     assert noise_level(shaken + noise) == pytest.approx(sigma, rel=0.2, abs=4e-4)
 
 
+def test_frames_that_are_not_seen_do_not_count_where_others_are_seen_in_a_row():
+    noisy = swing() + 0.002 * np.random.default_rng(0).standard_normal((FRAMES, 3))
+    often, never = np.arange(FRAMES) % 20 < 12, np.arange(FRAMES) % 2 == 0
+    assert noise_level(noisy, never) == noise_level(noisy)
+    assert noise_level(np.where(often[:, None], noisy, 1), often) == pytest.approx(0.002, rel=0.2)
+
+
 def test_a_line_comes_back_as_it_is():
     line = np.outer(np.arange(FRAMES), [0.001, 0.002, -0.003])
     track, weight = smooth_points(line, EVERYWHERE, 0.001)

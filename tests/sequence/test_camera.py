@@ -36,6 +36,14 @@ def test_rays_of_a_camera_position_point_at_the_wrist_of_each_hand():
         torch.testing.assert_close(hand.camera_ray.norm(dim=-1), torch.ones(FRAMES))
 
 
+def test_a_camera_beyond_all_scenes_is_doubted(caplog):
+    seen_from(sequence(), ORIGIN, "here")
+    assert not caplog.messages
+    path = torch.tensor([0.0, 0.0, 1000.0]) * torch.linspace(1, 2, FRAMES)[:, None]
+    seen_from(sequence(), path, "here")
+    assert "here is 1000 m from the origin of the world" in caplog.text
+
+
 def test_a_moving_camera_has_one_place_for_each_frame():
     given = sequence()
     places = given.hands[1].joints[:, 0] - torch.tensor([0.0, 2.0, 0.0])

@@ -124,13 +124,15 @@ def test_poses_that_were_filled_before_keep_their_mark_beside_ones_that_are_nan(
 
 
 def test_poses_that_stayed_the_identity_were_not_observed():
-    turn, place = torch.eye(3).repeat(6, 2, 1, 1), torch.full((6, 2, 3), 0.5)
+    turn, place = torch.eye(3).repeat(6, 3, 1, 1), torch.full((6, 3, 3), 0.5)
     place[2:4] = 0  # the first part leaps to the origin and back, the second begins there
     place[:, 1] = 0.01 * torch.arange(6.0)[:, None]
+    place[4:, 2] = 0  # and the third ends there
     found = fill_object(ObjectTrack((), turn, place))
     assert found.valid[:, 0].tolist() == [True, True, False, False, True, True]
     assert bool(found.valid[:, 1].all())
-    assert torch.equal(found.translation[:, 0], place[:1, 0].expand(6, 3))
+    assert found.valid[:, 2].tolist() == [True, True, False, False, False, False]
+    assert torch.equal(found.translation[:, [0, 2]], place[:1, [0, 2]].expand(6, 2, 3))
 
 
 def test_an_object_whose_poses_begin_with_the_identity_rests_there():

@@ -67,9 +67,7 @@ def test_flags_go_to_the_nearest_frames():
     flags[[0, 10]] = True
     back = hand.frames_to_user(flags)
     assert back.shape == (FRAMES,)
-    assert set(back.nonzero().flatten().tolist()) <= {0, 1, 19, 20, 21}
-    assert bool(back[20])
-    assert bool(back[0])
+    assert back.nonzero().flatten().tolist() == [0, 1, 19, 20, 21]
 
 
 @pytest.mark.parametrize("fps", [24.0, 60.0, 120.0])

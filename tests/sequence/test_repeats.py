@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import pytest
 import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -25,10 +26,18 @@ def nearest(motion: ObjectTrack, rate: int) -> ObjectTrack:
     return replace(motion, rotation=motion.rotation[at], translation=motion.translation[at])
 
 
+def beside(first: ObjectTrack, second: ObjectTrack) -> ObjectTrack:
+    """Both as the parts of one object."""
+    rotation = torch.cat([first.rotation, second.rotation], dim=1)
+    translation = torch.cat([first.translation, second.translation], dim=1)
+    return ObjectTrack((), rotation, translation)
+
+
 def test_poses_of_a_slower_video_are_those_between():
-    motion = swing()
+    moves = swing()
+    motion = beside(moves, moves)
     for rate, count in ((15, 28), (10, 36)):
-        slow = nearest(motion, rate)
+        slow = beside(nearest(moves, rate), moves)
         filled, told = without_repeats(slow)
         assert int((~filled.valid).sum()) == count
         off, before = (
@@ -36,6 +45,7 @@ def test_poses_of_a_slower_video_are_those_between():
             for each in (filled, slow)
         )
         assert off < 0.05 * before  # the last pose stays until the end, as at rest
+    assert len(told) == 1
     assert told[0].endswith("in 36 frames: taken as missing")
 
 
@@ -70,6 +80,10 @@ def test_rests_and_single_repeats_are_motion():
     slow = nearest(motion, 15)
     slow.translation[40:50], slow.rotation[40:50] = slow.translation[40], slow.rotation[40]
     assert not repeated_poses(slow)[42:49].any()
+    steps = torch.tensor([0.02, 0.02, 0.0, 0.0, 0.001, 0.001]).repeat(FRAMES // 6)
+    halts = replace(motion, translation=steps.cumsum(0)[:, None, None].repeat(1, 1, 3))
+    halts = replace(halts, rotation=torch.eye(3).repeat(FRAMES, 1, 1, 1))
+    assert without_repeats(halts)[0] is halts  # and goes on slowly
 
 
 def test_what_turns_back_stands_still_for_a_moment():
@@ -79,8 +93,12 @@ def test_what_turns_back_stands_still_for_a_moment():
     assert without_repeats(hammer)[0] is hammer
 
 
-def test_what_turns_back_between_two_repeated_poses_goes_on():
-    along = torch.tensor([0.0, 1.0, -1.0, 1.0, 0.0, 1.0, 0.0, -1.0, 1.0, 0.0]).repeat_interleave(6)
-    place = 0.02 * along[:, None, None] * torch.tensor([1.0, 0.0, 0.5])
-    stirs = replace(swing(), rotation=torch.eye(3).repeat(FRAMES, 1, 1, 1), translation=place)
-    assert int(repeated_poses(stirs).sum()) == 8 * 5  # not in the first and the last stop
+@pytest.mark.parametrize("each", [6, 2])
+def test_what_turns_back_between_two_repeated_poses_goes_on(each):
+    along = torch.tensor([0.0, 1.0, -1.0, 1.0, 0.0, 1.0, 0.0, -1.0, 1.0, 0.0])
+    along = along.repeat_interleave(each)[:, None, None]
+    stirs = ObjectTrack(
+        (), torch.eye(3).repeat(len(along), 1, 1, 1), 0.02 * along * torch.tensor([1.0, 0.0, 0.5])
+    )
+    found = int(repeated_poses(stirs).sum())
+    assert found == 8 * (each - 1)  # not in the first and the last stop

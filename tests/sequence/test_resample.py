@@ -8,6 +8,7 @@ from geneoh.sequence.resample import (
     at_rate,
     hand_over_frames,
     over_frames,
+    rotations_over_frames,
     with_hands_earlier,
 )
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -73,9 +74,12 @@ def test_twice_the_rate_keeps_every_old_frame():
     joints = torch.randn(9, 21, 3, generator=generator)
     hand = HandTrack("left", torch.ones(9, dtype=torch.bool), joints=joints)
     sequence = Sequence((hand,), steady(9, 15.0).object, 15.0)
+    turns = sequence.object.rotation
     double = at_rate(sequence, 30.0)
     assert double.frames == 17
     assert torch.equal(double.hands[0].joints[::2], joints)
+    assert torch.equal(double.object.rotation[::2], turns)
+    assert torch.equal(rotations_over_frames(turns, 17)[::2], turns)
     assert torch.equal(over_frames(double, 9).hands[0].joints, joints)
 
 
@@ -84,8 +88,10 @@ def test_frames_are_valid_where_the_nearest_old_frame_is_and_gaps_do_not_spread(
     hand = sequence.hands[0]
     hand.joints[2] = torch.nan
     hand.valid[2] = False
-    fine = over_frames(sequence, 17)
+    motion = replace(sequence.object, valid=hand.valid[:, None])
+    fine = over_frames(replace(sequence, object=motion), 17)
     assert (~fine.hands[0].valid).nonzero().flatten().tolist() == [6, 7, 8, 9]
+    assert torch.equal(fine.object.valid[:, 0], fine.hands[0].valid)
     assert bool(fine.hands[0].joints.isfinite().all())
 
 
@@ -142,10 +148,11 @@ def test_a_delay_that_leaves_no_hand_is_refused(delay):
         with_hands_earlier(steady(20, 30.0), delay)
 
 
-def test_a_hand_in_a_single_frame_is_not_lost_at_a_lower_rate():
+@pytest.mark.parametrize(("seen", "kept"), [([14], [3]), ([13, 14, 15, 16, 17], [4])])
+def test_a_hand_in_a_single_frame_is_not_lost_at_a_lower_rate(seen, kept):
     joints = torch.arange(30.0)[:, None, None].expand(30, 21, 3)
-    valid = torch.arange(30) == 14
+    valid = torch.isin(torch.arange(30), torch.tensor(seen))
     hand = HandTrack("right", valid, joints=joints)
     fine = Sequence((hand,), ObjectTrack.resting((), 30), 120.0)
     for coarse in (at_rate(fine, 30.0).hands[0], hand_over_frames(hand, 8)):
-        assert coarse.valid.nonzero()[:, 0].tolist() == [3]
+        assert coarse.valid.nonzero()[:, 0].tolist() == kept

@@ -46,7 +46,16 @@ def test_angles_of_several_turns_in_a_few_frames_are_no_degrees():
     [
         (replace(GOOD, hands=()), "one hand or one of each side, got none"),
         (replace(GOOD, hands=(HAND, HAND)), "got right and right"),
-        (replace(GOOD, hands=(replace(HAND, pose=torch.full((FRAMES, 16, 3), 30.0)),)), "degrees"),
+        (replace(GOOD, hands=(HAND[1:],)), f"got {FRAMES - 1} for the right hand and {FRAMES}"),
+        (replace(GOOD, fps=0.04), "as seconds per frame it is 25, pass that"),
+        (
+            replace(GOOD, hands=(replace(HAND, pose=HAND.pose + 30 * torch.eye(16, 3)),)),
+            "degrees",
+        ),
+        (
+            replace(GOOD, hands=(replace(HAND, joints=HAND.joints + 2e4 * torch.eye(3)[0]),)),
+            "the right hand must be within 10000 m of the origin, got a coordinate of 2e",
+        ),
         (replace(GOOD, hands=(replace(HAND, valid=~HAND.valid),)), "at least one frame"),
         (
             replace(GOOD, object=replace(OBJECT, rotation=torch.zeros(FRAMES, 1, 3, 3))),

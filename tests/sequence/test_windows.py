@@ -3,7 +3,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geneoh.sequence.windows import blend_weights, fold, spread_frames, unfold, window_starts
+from geneoh.sequence.windows import (
+    blend_weights,
+    fold,
+    spread_frames,
+    unfold,
+    widened,
+    window_starts,
+)
 
 CUTS = st.tuples(st.integers(1, 200), st.integers(1, 60), st.floats(0.05, 1)).map(
     lambda cut: (cut[0], cut[1], max(1, round(cut[2] * cut[1])))
@@ -73,3 +80,8 @@ def test_fold_lets_gradients_through():
 def test_frames_are_spread_over_the_track_and_never_more_than_it_has():
     assert spread_frames(20, 4) == [2, 7, 12, 17]
     assert spread_frames(3, 30) == [0, 1, 2]
+
+
+def test_a_block_is_widened_up_to_the_ends_of_the_track():
+    assert widened(slice(600, 900), 2, 1000) == (slice(598, 902), slice(2, 302))
+    assert widened(slice(0, 600), 2, 600) == (slice(0, 600), slice(0, 600))
