@@ -148,7 +148,7 @@ def without_placeholders(hand: HandTrack) -> HandTrack:
     known = trusted.any(0)
     path = over_time(hand.joints, trusted, empty.any(0) & known)
     sums = torch.where(trusted[..., None], path, 0.0).sum(1, keepdim=True)
-    middle = sums / trusted.sum(1).clamp(min=1)[:, None, None]
+    middle = sums / trusted.sum(1)[:, None, None]
     path = torch.where(known[:, None], path, middle)
     return replace(hand, joints=torch.where(empty[..., None], path, hand.joints))
 

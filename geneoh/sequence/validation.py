@@ -179,7 +179,7 @@ def check_wrist(
     hand: HandTrack, wrist: Float[Tensor, "T 3"], joints: Float[Tensor, "T 21 3"], name: str
 ) -> None:
     """Refuse a wrist that is not where the first keypoint is."""
-    apart = (wrist - joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
+    apart = (wrist - joints[:, 0]).norm(dim=-1)[hand.trust[:, 0] > 0]
     if len(apart) and float(apart.median()) > WRIST_APART:
         raise InputError(
             f"{name}: 'wrist' of the {hand.side} hand must be where keypoint 0 of 'joints' is, "
