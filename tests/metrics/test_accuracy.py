@@ -38,8 +38,8 @@ def test_a_difference_needs_all_its_frames():
 def test_nine_in_ten_lie_in_the_radius_where_the_spread_is_right():
     draws = torch.randn(400, 21, 3, generator=torch.Generator().manual_seed(0))
     spread = torch.full((400, 21), 0.01)
-    truth = torch.zeros_like(draws)
-    right = draws * 0.01 / 3**0.5
-    assert abs(float(within_spread(right, truth, spread).mean()) - 0.9) < 0.01
-    assert float(within_spread(3 * right, truth, spread).mean()) < 0.4
+    truth = draws.flip(0)
+    error = draws * 0.01 / 3**0.5
+    assert abs(float(within_spread(truth + error, truth, spread).mean()) - 0.9) < 0.01
+    assert float(within_spread(truth + 3 * error, truth, spread).mean()) < 0.4
     assert float(within_spread(truth, truth, 0 * spread).mean()) == 1
