@@ -37,8 +37,6 @@ def in_mm_per_frame_squared(
 
 def finite_difference(points: Float[Tensor, "*B T P 3"], order: int) -> Float[Tensor, "*B L P 3"]:
     """Forward difference over frames; empty when there are not more than `order` frames."""
-    if points.shape[-3] <= order:
-        return points[..., :0, :, :]
     return points.diff(n=order, dim=-3)
 
 
