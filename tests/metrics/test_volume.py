@@ -132,17 +132,25 @@ def test_wrist_that_is_open_is_closed_first():
     assert volume_of(Mesh(posed, opened), around, voxel=0.002) == pytest.approx(whole, rel=0.02)
 
 
+def holed() -> Mesh:
+    """A ball with a round hole above."""
+    shape = trimesh.creation.icosphere(4, 0.05)
+    shape.update_faces(np.linalg.norm(shape.triangles_center - [0, 0, 0.05], axis=1) > 0.02)
+    return from_trimesh(shape)
+
+
 def test_every_voxel_that_is_asked_for_alone_gives_the_same_count():
     hand = load_hand("right").shaped(torch.zeros(10))
     torus = from_trimesh(trimesh.creation.torus(0.03, 0.012))
-    verts, faces, voxel = hand.verts + torch.tensor([0.08, 0.01, 0.0]), hand.model.faces, 0.002
-    closed = Mesh(*capped(verts, faces))
-    solids = [SurfaceDistance(mesh).solid for mesh in (torus, closed)]
-    steps = (torch.arange(-60, 61) + 0.5) * voxel
+    posed = Mesh(hand.verts + torch.tensor([0.08, 0.01, 0.0]), hand.model.faces)
+    voxel, steps = 0.002, (torch.arange(-60, 61) + 0.5) * 0.002
     middles = torch.cartesian_prod(steps, steps, steps).double() @ ASKEW.T
-    slow = int((solids[0].contains(middles) & solids[1].contains(middles)).sum())
-    assert slow > 300
-    assert volume_of(Mesh(verts, faces), torus, voxel=voxel) == pytest.approx(slow * voxel**3)
+    for one, other in ((posed, torus), (ball(0.03, z=0.05, detail=3), holed())):
+        closed = Mesh(*capped(one.verts, one.faces))
+        solids = [SurfaceDistance(mesh).solid for mesh in (other, closed)]
+        slow = int((solids[0].contains(middles) & solids[1].contains(middles)).sum())
+        assert slow > 300
+        assert volume_of(one, other, voxel=voxel) == pytest.approx(slow * voxel**3)
 
 
 def test_an_object_with_holes_counts_as_if_it_were_closed():
