@@ -72,6 +72,13 @@ def test_contact_behind_the_object_itself_does_not_count():
     assert bool(found(hand, alone, (start,)).all())
 
 
+def test_parts_share_the_points_by_their_area():
+    large = from_trimesh(trimesh.creation.box((0.2, 0.2, 0.2)).subdivide())
+    generator = torch.Generator().manual_seed(0)
+    parts = contact_points((CUBE, SurfaceDistance(large)), generator=generator, count=1000)
+    assert [len(part.points) for part in parts] == [200, 800]
+
+
 def crossings(mesh: Mesh, start: np.ndarray, ahead: np.ndarray) -> list[float]:
     """How far along a ray every face is that it crosses, one face at a time."""
     found = []

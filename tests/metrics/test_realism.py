@@ -172,6 +172,7 @@ def test_turning_asks_for_the_torque_of_the_moment_of_inertia():
     inertia = points[:, :2].square().sum(-1).mean()
     torque = wanted_wrench(turned, FPS)[0][0, 2, 5] * GRAVITY
     assert torque.item() == pytest.approx(float(inertia) * speed, rel=0.02)
+    assert turned.moves[0].tolist() == [True] * (FRAMES - 1) + [False]  # also about a point of it
 
 
 def test_frames_after_the_end_do_not_count():
@@ -180,15 +181,25 @@ def test_frames_after_the_end_do_not_count():
     assert frames[0].tolist() == [True] * 6 + [False] * 6
 
 
+def together(*clips: SurfacePoints) -> SurfacePoints:
+    """A batch of clips."""
+    points, normals = zip(*((clip.points, clip.normals) for clip in clips), strict=True)
+    return SurfacePoints(torch.cat(points), torch.cat(normals), torch.tensor([FRAMES] * len(clips)))
+
+
 def test_each_clip_of_a_batch_has_its_own_value():
-    rests, floats = moving(at_height(0.0)), moving(at_height(0.3))
-    both = SurfacePoints(
-        torch.cat([rests.points, floats.points]),
-        torch.cat([rests.normals, floats.normals]),
-        torch.tensor([FRAMES, FRAMES]),
-    )
+    both = together(moving(at_height(0.0)), moving(at_height(0.3)))
     touched = torch.zeros(both.points.shape[:3], dtype=torch.bool)
     assert realistic_share(touched, both, FPS).tolist() == [1, 0]
+
+
+def test_forces_on_one_object_of_a_batch_do_not_hold_another():
+    pushed = moving(torch.arange(FRAMES)[:, None] * torch.tensor([0.01, 0.0, 0.0]))
+    lifted = moving(at_height(0.3))
+    aside, tip = from_below(lifted)[:, :, -5:], pinching(lifted)[:, :, :1]
+    skins = pinching(pushed), aside.repeat(1, 1, 2, 1), pinching(lifted), tip.repeat(1, 1, 10, 1)
+    found = frames_of(torch.cat(skins), together(pushed, lifted, lifted, lifted))
+    assert found.float().mean(1).tolist() == [1, 0, 1, 0]
 
 
 def test_motion_without_contact_counts_moving_frames_without_a_keypoint_nearby():
