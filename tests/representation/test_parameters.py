@@ -62,3 +62,12 @@ def test_a_change_of_one_is_a_unit_of_its_parameter():
         for got, share in ((shift, index < 3), (angle, 3 <= index < 6), (bend, index >= 6)):
             want = torch.full_like(got, UNIT[index] * share)
             torch.testing.assert_close(got, want, atol=1e-3 * (not share) + 1e-4, rtol=0)
+
+
+def test_hands_of_the_canonical_frame_are_those_of_the_world(make_scene):
+    region = make_scene(0, frames=5).region()
+    hand = hands(6)
+    canon = hand.to_canon(region)
+    torch.testing.assert_close(canon.joints, region.to_canon(hand.joints), atol=1e-5, rtol=0)
+    back = canon.to_world(region)
+    torch.testing.assert_close(back.joints, hand.joints, atol=1e-5, rtol=0)
