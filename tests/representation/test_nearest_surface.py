@@ -3,7 +3,13 @@ import torch
 from draws import normal
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.representation.nearest_surface import nearest_on_parts, nearest_points
+from geneoh.representation import nearest_surface
+from geneoh.representation.nearest_surface import (
+    nearest_in_tree,
+    nearest_of_all,
+    nearest_on_parts,
+    nearest_points,
+)
 from geneoh.representation.region import ObjectSurface
 
 
@@ -17,6 +23,13 @@ def test_the_nearest_point_is_that_of_a_slow_search(away):
             at = int((points[b].double() - joints[b, j].double()).norm(dim=-1).argmin())
             assert torch.equal(nearest[b, j], points[b, at])
             assert torch.equal(outward[b, j], normals[b, at])
+
+
+def test_a_search_without_a_tree_finds_the_same_points_however_many_are_held_at_once(monkeypatch):
+    joints, points = 0.1 * normal(3, 7, 3), 0.1 * normal(3, 50, 3, seed=1)
+    for most in (nearest_surface.MOST_DISTANCES, 3 * 50 * 2):
+        monkeypatch.setattr(nearest_surface, "MOST_DISTANCES", most)
+        assert torch.equal(nearest_of_all(joints, points), nearest_in_tree(joints, points))
 
 
 def test_on_parts_it_is_the_nearest_of_all_points_placed_in_the_world():
