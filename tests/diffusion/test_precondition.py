@@ -27,10 +27,17 @@ def test_an_almost_clean_input_comes_back_whatever_the_network_says(scale):
 
 @given(levels, scales)
 def test_without_a_network_it_is_the_mean_of_anchor_and_input_weighted_by_precision(sigma, scale):
-    x, anchor = sample()
-    got = preconditioned(lambda s, _: torch.zeros_like(s), x, anchor, at(sigma), at(scale))
+    (x, anchor), seen = sample(), []
+
+    def network(scaled: Tensor, level: Tensor) -> Tensor:
+        seen.append((scaled, level))
+        return torch.zeros_like(scaled)
+
+    got = preconditioned(network, x, anchor, at(sigma), at(scale))
     here, there = sigma**-2, scale**-2
     torch.testing.assert_close(got, (here * x + there * anchor) / (here + there))
+    scaling = Scaling.of(at(sigma), at(scale))
+    torch.testing.assert_close(seen[0], (scaling.inp * (x - anchor), scaling.level))
 
 
 @given(levels, scales)

@@ -68,6 +68,11 @@ def test_more_steps_than_levels_are_no_more_and_never_stand_still(steps):
     assert torch.equal(descending_sigmas(3, steps), descending_sigmas(3, 3))
 
 
+def test_levels_of_another_schedule_are_the_nearest_to_even_steps():
+    levels = torch.arange(1001, dtype=torch.float64)
+    assert descending_sigmas(10, 4, levels).tolist() == [10, 8, 5, 2, 0]
+
+
 def test_cosine_levels_are_the_squared_cosine_but_for_the_last():
     sigmas = cosine_sigmas()
     time = torch.tensor(500 / 1000, dtype=torch.float64)

@@ -156,9 +156,11 @@ def test_kabsch_fits_flat_points():
 
 @pytest.mark.parametrize("angle", [0.0, 1e-3, 1.0, *(math.pi - x for x in (1e-2, 1e-4, 1e-6, 0.0))])
 def test_the_shortest_turn_takes_one_direction_to_another_however_opposite(angle):
-    start, axis = random_axes(50, dtype=torch.float32), random_axes(50, seed=1).float()
+    start = torch.cat([torch.eye(3), -torch.eye(3), random_axes(50).float()])
+    axis = random_axes(56, seed=1).float()
     across = torch.nn.functional.normalize(torch.linalg.cross(start, axis), dim=-1)
     end = (axis_angle_to_matrix(angle * across) @ start[..., None])[..., 0]
+    end = -start if angle == math.pi else end
     turn = shortest_turn(2 * start, 0.5 * end)
     torch.testing.assert_close((turn @ start[..., None])[..., 0], end, atol=FLOAT32, rtol=0)
     square = turn @ turn.mT
