@@ -6,6 +6,7 @@ import torch
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import (
+    mirror_axes,
     mirror_axis_angle,
     mirror_faces,
     mirror_points,
@@ -30,6 +31,12 @@ def test_the_mirrored_rotation_turns_mirrored_points_to_the_mirrored_place():
     other = (mirrored @ mirror_points(POINTS)[..., None])[..., 0]
     torch.testing.assert_close(other, mirror_points(turned))
     torch.testing.assert_close(axis_angle_to_matrix(mirror_axis_angle(VECTORS)), mirrored)
+
+
+def test_axes_of_turns_and_of_slides_are_mirrored_as_what_they_are():
+    found = mirror_axes(VECTORS[:2], torch.tensor([True, False]))
+    assert torch.equal(found[0], mirror_points(VECTORS[0]))
+    assert torch.equal(found[1], mirror_axis_angle(VECTORS[1]))
 
 
 def test_mirrored_faces_still_look_outward():

@@ -1,6 +1,6 @@
 import torch
 
-from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rigid import Rigid, joint_poses, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
@@ -29,3 +29,17 @@ def test_composition_is_one_motion_after_the_other():
     both = later.compose(first).apply(points)
     torch.testing.assert_close(both, later.apply(first.apply(points)))
     assert both.shape == (3, 4, 5, 3)
+
+
+def test_a_part_turns_about_its_pivot_or_slides_along_its_axis():
+    state, slides = torch.tensor([[torch.pi / 2], [0.3]]), torch.tensor([False, True])
+    axis, pivot = torch.eye(3)[[2, 2]], torch.eye(3)[[0, 0]]
+    joint = Rigid(*joint_poses(state, axis, pivot, slides))
+    point = torch.tensor([2.0, 0.0, 0.0]).expand(2, 1, 1, 3)
+    expected = torch.tensor([[1.0, 1.0, 0.0], [2.0, 0.0, 0.3]])[:, None, None]
+    torch.testing.assert_close(joint.apply(point), expected)
+    first = random_pose(5, 2, 1)
+    rotation, translation = part_poses(first, joint)
+    moved = Rigid(rotation, translation).apply(point[:, :, None])
+    torch.testing.assert_close(moved[:, :, 0], first.apply(point))
+    torch.testing.assert_close(moved[:, :, 1], first.apply(expected))
