@@ -10,12 +10,17 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import (
     CLEAR,
+    TOLERATED,
     UNCLEAR,
+    acceleration_around,
     blended,
+    doubt,
     evidence_at_hand,
     evidence_of_nearness,
     evidence_of_place,
     evidence_of_poses,
+    placed_vertices,
+    radius,
 )
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -96,6 +101,11 @@ def test_poses_that_are_seen_count_however_few_there_are():
     relied = evidence_of_poses(clean_object(motion, 30.0)[1], motion, 30.0)
     assert float(relied[:2].min()) > 0.9
     assert float(relied[FRAMES // 2 :].max()) < 0.01
+    never = replace(motion, valid=torch.zeros(FRAMES, 1, dtype=torch.bool))
+    assert (evidence_of_poses(clean_object(never, 30.0)[1], never, 30.0) == 1).all()
+    error = torch.full((FRAMES, 1), 2 * TOLERATED)
+    less = evidence_of_poses(clean_object(motion, 30.0)[1], motion, 30.0, error)
+    torch.testing.assert_close(less, relied / 5)
 
 
 def test_a_part_that_is_apart_from_the_hand_says_nothing_of_it():
@@ -106,6 +116,8 @@ def test_a_part_that_is_apart_from_the_hand_says_nothing_of_it():
     first, second = (torch.full((4, 21, 3), 0.01) + places[:, part, None] for part in (0, 1))
     assert evidence_at_hand(relied, first, surface).tolist() == [1.0] * 4
     assert evidence_at_hand(relied, second, surface).tolist() == [0.0] * 4
+    # without another part, it is the object
+    assert evidence_at_hand(relied[:, 1:], first, surface.of_parts([1])).tolist() == [0.0] * 4
 
 
 def test_poses_over_a_gap_count_less_the_more_the_object_accelerates():
@@ -116,6 +128,16 @@ def test_poses_over_a_gap_count_less_the_more_the_object_accelerates():
     assert least(0.0) > 0.6
     assert least(0.0) == pytest.approx(least(1e-5), rel=0.01)
     assert least(0.005) < 0.5 * least(0.0)
+
+
+def test_the_acceleration_of_a_surface_is_that_of_the_seen_frames_around():
+    motion = track_with_a_gap(0.005)
+    (mesh,) = motion.meshes
+    torch.testing.assert_close(placed_vertices(motion, 0).float(), mesh.verts + motion.translation)
+    motion.translation[40:50] = 0
+    found = acceleration_around(motion, 0, motion.valid[:, 0].numpy(), 30.0)
+    assert found.tolist() == pytest.approx([0.005] * FRAMES, rel=0.01)
+    assert radius(mesh) == pytest.approx(3**0.5 * 0.025)
 
 
 def hand_beside_a_box(distance: torch.Tensor) -> torch.Tensor:
@@ -134,11 +156,13 @@ def test_a_hand_deals_with_its_object_in_the_frames_in_which_it_is_beside_it():
     assert (found.diff() <= 0).all()
 
 
-def beside_a_moving_box(away: float, ray: torch.Tensor | None = None) -> torch.Tensor:
+def beside_a_moving_box(
+    away: float, ray: torch.Tensor | None = None, step: float = 0.01
+) -> torch.Tensor:
     """How far a hand deals with a box that moves after frame 30, and that it meets at its start."""
     motion = replace(track_with_a_gap(0.0), valid=None)
     path = torch.zeros(FRAMES, 3)
-    path[30:, 0] = 0.01 * torch.arange(FRAMES - 30)
+    path[30:, 0] = step * torch.arange(FRAMES - 30)
     motion = replace(motion, translation=path[:, None])
     joints = torch.tensor([0.0, 0.0, 0.05]) + path[:, None].expand(FRAMES, 21, 3)
     joints[30:, :, 2] += away
@@ -150,6 +174,7 @@ def test_a_hand_that_moves_beside_a_moving_object_does_not_deal_with_it():
     free = beside_a_moving_box(0.06)
     assert (free[50:] == 0).all()
     assert (beside_a_moving_box(0.03)[50:] < 0.7).all()
+    assert (beside_a_moving_box(0.06, step=0.002)[30:55] == 1).all()  # slower than what is carried
 
 
 def test_a_hand_that_errs_along_the_cameras_ray_may_hold_its_object():
@@ -173,7 +198,7 @@ def test_a_hand_that_hovers_beside_a_resting_object_deals_with_it_about_a_touch_
 
 
 @pytest.mark.parametrize(
-    ("turns", "with_it", "gripped"), [(2, False, 0), (2, True, 1), (0.25, False, 1)]
+    ("turns", "with_it", "gripped"), [(0.6, False, 0), (0.6, True, 1), (0.25, False, 1)]
 )
 def test_what_spins_in_the_hand_like_a_wheel_is_not_gripped(turns, with_it, gripped):
     """`turns` in a second, `with_it` where the hand turns as well."""
@@ -190,3 +215,9 @@ def test_what_spins_in_the_hand_like_a_wheel_is_not_gripped(turns, with_it, grip
 def test_a_hand_whose_place_contact_does_not_tell_is_not_at_the_object():
     found = evidence_of_place(torch.tensor([0.0, CLEAR, (CLEAR + UNCLEAR) / 2, UNCLEAR, 1.0]))
     assert found.tolist() == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0], abs=1e-6)
+
+
+def test_frames_in_which_the_object_has_less_than_half_its_weight_are_told():
+    (sentence,) = doubt(torch.tensor([1.0, 0.4, 0.2, 0.6]))
+    assert sentence.startswith("in 2 frames the object is too noisy")
+    assert not list(doubt(torch.ones(4)))
