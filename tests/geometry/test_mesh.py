@@ -39,3 +39,5 @@ def test_mirrored_mesh_still_looks_outward(ball):
     mesh = from_trimesh(ball)
     assert volume(mesh.mirrored()) == pytest.approx(volume(mesh))
     assert float(mesh.mirrored().verts[:, 0].max()) < 0
+    torch.testing.assert_close(mesh.mirrored().center(), torch.tensor([-0.3, 0.0, 0.0]))
+    assert Mesh(mesh.verts, mesh.faces.flip(-1)).sha256 != mesh.sha256

@@ -87,15 +87,28 @@ def test_a_shaky_track_is_calmed_and_its_noise_told(degrees, metres):
     assert "shakes" in next(found.sentences())
 
 
-def test_flips_are_left_out_and_the_frames_around_them_stay_exact():
+@pytest.mark.parametrize(("degrees", "metres"), [(0.0, 0.01), (5.0, 0.0)])
+def test_noise_of_the_place_or_of_the_rotation_alone_is_noise(degrees, metres):
+    assert clean_object(shaken(lifted(WEDGE), degrees, metres), FPS)[1].is_noisy.all()
+
+
+def test_a_track_that_shakes_at_its_start_alone_is_exact():
     motion = lifted(WEDGE)
+    given = shaken(motion, 1.0, 0.002)
+    given.rotation[60:], given.translation[60:] = motion.rotation[60:], motion.translation[60:]
+    assert clean_object(given, FPS)[0] is given
+
+
+@pytest.mark.parametrize("start", [50, 0, FRAMES - 8])
+def test_flips_are_left_out_and_the_frames_around_them_stay_exact(start):
+    motion, flipped = lifted(WEDGE), slice(start, start + 8)
     rotation = motion.rotation.clone()
-    rotation[50:58] = rotation[50:58] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
+    rotation[flipped] = rotation[flipped] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
     clean, found = clean_object(replace(motion, rotation=rotation), FPS)
-    assert found.left_out[50:58].all()
+    assert found.left_out[flipped].all()
     assert int(found.left_out.sum()) == 8
     assert angles(motion, clean).max() < 3
-    assert np.delete(angles(motion, clean), range(50, 58)).max() < 0.1
+    assert np.delete(angles(motion, clean), range(start, start + 8)).max() < 0.1
 
 
 def test_the_place_of_an_exact_track_does_not_follow_a_flip_about_a_point_beside_it():
