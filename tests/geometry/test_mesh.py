@@ -4,7 +4,7 @@ import trimesh
 from watertight import volume
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning
+from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning, tidied
 from geneoh.geometry.mesh_files import from_trimesh
 
 
@@ -28,6 +28,10 @@ def test_absurd_size_says_how_to_scale(ball, scale, said):
     assert warning is None if said is None else said in warning
 
 
+def test_a_thin_knife_is_not_too_small():
+    assert size_warning(from_trimesh(trimesh.creation.box((0.2, 0.02, 0.001)))) is None
+
+
 @pytest.mark.parametrize(("scale", "named"), [(1000, False), (100, True), (1 / 0.0254, True)])
 def test_inches_are_named_where_they_fit(ball, scale, named):
     words = "if it is in inches, scale it to metres first, by 0.0254"
@@ -41,3 +45,13 @@ def test_mirrored_mesh_still_looks_outward(ball):
     assert float(mesh.mirrored().verts[:, 0].max()) < 0
     torch.testing.assert_close(mesh.mirrored().center(), torch.tensor([-0.3, 0.0, 0.0]))
     assert Mesh(mesh.verts, mesh.faces.flip(-1)).sha256 != mesh.sha256
+
+
+def test_a_tidied_mesh_has_no_unused_vertex_and_no_face_that_repeats_one():
+    verts = torch.arange(15.0).reshape(5, 3)
+    faces = torch.tensor([[0, 1, 3], [0, 0, 1], [1, 3, 1], [3, 0, 0]])
+    found = tidied(Mesh(verts, faces))
+    assert tidied(found) is found
+    for mesh in (found, tidied(Mesh(verts, faces[:1]))):
+        assert torch.equal(mesh.verts, verts[[0, 1, 3]])
+        assert mesh.faces.tolist() == [[0, 1, 2]]
