@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.sequence.resample import (
     at_rate,
     hand_over_frames,
@@ -73,8 +74,8 @@ def test_twice_the_rate_keeps_every_old_frame():
     generator = torch.Generator().manual_seed(0)
     joints = torch.randn(9, 21, 3, generator=generator)
     hand = HandTrack("left", torch.ones(9, dtype=torch.bool), joints=joints)
-    sequence = Sequence((hand,), steady(9, 15.0).object, 15.0)
-    turns = sequence.object.rotation
+    turns = axis_angle_to_matrix(torch.randn(9, 1, 3, generator=generator))
+    sequence = Sequence((hand,), replace(steady(9, 15.0).object, rotation=turns), 15.0)
     double = at_rate(sequence, 30.0)
     assert double.frames == 17
     assert torch.equal(double.hands[0].joints[::2], joints)
