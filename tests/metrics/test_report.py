@@ -9,7 +9,13 @@ import trimesh
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh_files import from_trimesh
 from geneoh.metrics.contact import TOUCH
-from geneoh.metrics.report import before_and_after, measure_posed, near_hand, through_walls
+from geneoh.metrics.report import (
+    before_and_after,
+    measure_posed,
+    near_hand,
+    over_shots,
+    through_walls,
+)
 from geneoh.sequence import windows
 
 CUBE = SurfaceDistance(from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1))))
@@ -93,6 +99,18 @@ def test_before_and_after_stand_in_one_line_each():
     assert lines[0].split() == ["penetration", "depth,", "mean", "5.00", "->", "0.25", "mm"]
     assert lines[2].endswith("100.0 ->    100.0 %")
     assert lines[5].split()[-4:-1] == ["n/a", "->", "n/a"]
+
+
+def test_fingers_of_shots_count_by_the_frames_with_contact():
+    verts, joints = hand(torch.full((FRAMES,), 0.045))
+    whole, _ = measured(verts.__getitem__, joints, STILL, fps=30.0)
+    one = replace(whole, contact_fraction=0.1, fingers_in_contact=5.0, penetration_mean_mm=1.0)
+    other = replace(whole, contact_fraction=0.9, fingers_in_contact=1.0, penetration_mean_mm=2.0)
+    found = over_shots([one, other])
+    assert found.fingers_in_contact == pytest.approx(1.4)
+    assert found.contact_fraction == pytest.approx(0.5)
+    assert found.penetration_mean_mm == pytest.approx(1.5)
+    assert found.frames == 2 * FRAMES
 
 
 def test_a_report_is_plain_numbers():
