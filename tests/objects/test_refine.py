@@ -3,13 +3,15 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.refine import refine_object
+from geneoh.objects.holding import RADIANS_PER_METRE
+from geneoh.objects.refine import refine_object, stillness
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.noise import ornstein_uhlenbeck
 from geneoh.sequence.object_noise import draw_object_noise
@@ -182,3 +184,10 @@ def test_what_an_object_moves_in_the_hand_is_no_drift_where_its_noise_is_white(d
         errors.append([off(smooth, truth), off(refined, truth)])
     smooth, refined = torch.tensor(errors).mean(0)
     assert refined < smooth + 0.2
+
+
+def test_the_weight_of_rest_falls_with_the_steps_in_units_of_their_size():
+    rest, steps = np.zeros((20, 3)), np.full((20, 3), 0.002)
+    assert stillness(rest, rest, 0.002) == pytest.approx(1.0)
+    assert stillness(rest, steps, 0.002) == pytest.approx(0.25)
+    assert stillness(RADIANS_PER_METRE * steps, rest, 0.002) == pytest.approx(0.25)
