@@ -6,7 +6,8 @@ reweighted least squares. The local accelerations are estimated again after each
 resting part becomes still and a swung part keeps its motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from math import comb
 from typing import Any
 
@@ -15,7 +16,7 @@ import torch
 from jaxtyping import Bool, Float64
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solveh_banded
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import maximum_filter, median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.geometry.rigid import Rigid
@@ -33,6 +34,10 @@ MEDIAN_FRAMES = 5  # window of the median filter for the initial weights, frames
 MOTION = 0.7  # use eighth differences if they show less than this share of the fourth ones' noise
 LEAST_FRAMES = 16  # frames below which eighth differences are too few
 LEAST_NOISE = 1e-5  # floor of the noise of a camera, metres and radians
+CAMERA_LEAP, CAMERA_RATIO = 0.1, 3.0
+"""Least leap of a camera, radians plus metres (larger below 30 frames a second), and its least
+ratio to every step around it."""
+AROUND_LEAP = np.array([1, 1, 1, 1, 1, 0, 1, 1, 1, 1, 1])  # steps that are compared with a leap
 Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # reduces many lengths to one
 
 
@@ -157,15 +162,30 @@ def smooth_rotations(
 
 def steady_camera(sequence: Sequence) -> Rigid | None:
     """The poses of the moving camera of a sequence, camera to world, without their white noise;
-    poses without noise hardly change, and fewer than `LEAST_FRAMES` not at all. None where the
-    sequence is in the world."""
+    poses without noise hardly change, and fewer than `LEAST_FRAMES` between leaps not at all. None
+    where the sequence is in the world."""
     poses = camera_of(sequence.camera_to_world)
-    if poses is None or len(poses.rotation) < LEAST_FRAMES:
-        return poses
+    if poses is None:
+        return None
     places = poses.translation.double().cpu().numpy()
     turns = Rotation.from_matrix(poses.rotation.double().cpu().numpy())
-    known = np.ones(len(places), dtype=bool)
-    smooth, _ = smooth_points(places, known, max(noise_level(places), LEAST_NOISE))
-    turned, _ = smooth_rotations(turns, known, max(noise_level(path_of(turns)), LEAST_NOISE))
-    found = map(torch.from_numpy, (turned.as_matrix(), smooth))
-    return Rigid(*(values.to(poses.rotation) for values in found))
+    found = poses.rotation.double().cpu().numpy()
+    for start, stop in pairwise([0, *leaps_of_camera(places, turns, sequence.fps), len(places)]):
+        if stop - start >= LEAST_FRAMES:
+            path, turned, known = places[start:stop], turns[start:stop], np.ones(stop - start, bool)
+            noise = max(noise_level(path), LEAST_NOISE)
+            places[start:stop], _ = smooth_points(path, known, noise)
+            noise = max(noise_level(path_of(turned)), LEAST_NOISE)
+            found[start:stop] = smooth_rotations(turned, known, noise)[0].as_matrix()
+    return Rigid(*(torch.from_numpy(values).to(poses.rotation) for values in (found, places)))
+
+
+def leaps_of_camera(
+    places: Float64[np.ndarray, "T 3"], turns: Rotation, fps: float
+) -> Iterator[int]:
+    """The first frames after leaps, as at a cut of the video or where a lost track starts again."""
+    shifts, turned = np.diff(places, axis=0), increments(turns)
+    steps = np.linalg.norm(shifts, axis=1) + np.linalg.norm(turned, axis=1)
+    around = maximum_filter(steps, footprint=AROUND_LEAP, mode="constant")
+    leaps = (steps > CAMERA_LEAP * max(1.0, 30 / fps)) & (steps > CAMERA_RATIO * around)
+    yield from (np.flatnonzero(leaps) + 1).tolist()

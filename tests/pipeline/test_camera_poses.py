@@ -13,10 +13,12 @@ import geneoh
 from geneoh.errors import InputError
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.objects.smoothing import steady_camera
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.preparation import CAMERA_CONTRADICTED, CAMERA_REMOVED, MOVING_CAMERA
 from geneoh.pipeline.streaming.stream import Stream
+from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import camera_of, in_world, placed
@@ -193,7 +195,7 @@ def test_poses_that_are_none_are_refused(spoil, words):
 
 def test_a_source_that_knows_its_camera_takes_no_other(tmp_path, monkeypatch):
     from geneoh.readers import dataset_reader
-    from geneoh.readers.base import ClipParts, ReaderOptions, SourceClip
+    from geneoh.readers.base import ClipParts
     from geneoh.readers.object_poses import poses_of
 
     hand = example()[:20].hands[0]
@@ -267,3 +269,31 @@ def test_the_world_of_the_camera_is_where_it_was():
     torch.testing.assert_close(
         found.object.translation, world.object.translation, atol=1e-6, rtol=0
     )
+
+
+def turned_at(frame: int, by: float, frames: int) -> Rigid:
+    """The poses of a camera that turns by an angle at once, as at a cut of the video."""
+    camera = head(frames)
+    turn = axis_angle_to_matrix(torch.tensor([0.0, by, 0.0]))
+    return Rigid(
+        torch.cat([camera.rotation[:frame], camera.rotation[frame:] @ turn]), camera.translation
+    )
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.001])
+def test_a_cut_of_the_video_leaves_the_world_as_it_was(noise):
+    world, true = example()[:60], turned_at(30, math.pi / 2, 60)
+    turn, shift = noise * torch.randn(2, 60, 3, generator=seeded_generator("cut"))
+    tracked = Rigid(axis_angle_to_matrix(turn), shift).compose(true).matrices()
+    given = replace(placed(world, true.inverse()), camera_to_world=tracked)
+    found = joints_of(in_world(given, steady_camera(given)))
+    off = (found - joints_of(world)).norm(dim=-1)
+    assert float(off.max()) < 1e-4 + 5 * noise  # 0.4 m beside the cut, smoothed across it
+
+
+def test_a_track_that_starts_again_elsewhere_is_told(quick):
+    given = seen_by_head(example()[:60])
+    elsewhere = given.camera_to_world.clone()
+    elsewhere[30:, :3, 3] += 0.5
+    doubts = denoise(replace(given, camera_to_world=elsewhere), FAST).doubts
+    assert any("leaps to another place before frame 30" in words for words in doubts)
