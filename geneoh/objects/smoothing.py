@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from geneoh.geometry.rigid import Rigid
 from geneoh.sequence.placing import camera_of
 from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import FARTHEST_SCENE
 
 CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
 FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of 5 standard deviations weigh 0.1
@@ -163,12 +164,15 @@ def smooth_rotations(
 def steady_camera(sequence: Sequence) -> Rigid | None:
     """The poses of the moving camera of a sequence, camera to world, without their white noise;
     poses without noise hardly change, and fewer than `LEAST_FRAMES` between leaps not at all. None
-    where the sequence is in the world."""
+    where the sequence is in the world. A world whose origin is far away gets one near the camera,
+    because single precision has too few digits there."""
     poses = camera_of(sequence.camera_to_world)
     if poses is None:
         return None
     places = poses.translation.double().cpu().numpy()
     turns = Rotation.from_matrix(poses.rotation.double().cpu().numpy())
+    if np.linalg.norm(middle := places.mean(0)) > FARTHEST_SCENE:
+        places = places - middle
     found = poses.rotation.double().cpu().numpy()
     for start, stop in pairwise([0, *leaps_of_camera(places, turns, sequence.fps), len(places)]):
         if stop - start >= LEAST_FRAMES:

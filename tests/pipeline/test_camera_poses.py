@@ -297,3 +297,32 @@ def test_a_track_that_starts_again_elsewhere_is_told(quick):
     elsewhere[30:, :3, 3] += 0.5
     doubts = denoise(replace(given, camera_to_world=elsewhere), FAST).doubts
     assert any("leaps to another place before frame 30" in words for words in doubts)
+
+
+def test_a_world_whose_origin_is_far_away_costs_no_digits(quick, shaken):
+    given = seen_by_head(shaken[40:100])
+    far = given.camera_to_world.clone()
+    far[:, :3, 3] += 1000.0
+    wanted, found = (
+        denoise(replace(given, camera_to_world=poses), FAST)
+        for poses in (given.camera_to_world, far)
+    )
+    assert found.doubts == wanted.doubts  # it was told to be 1732 m away
+    off = (joints_of(found.sequence) - joints_of(wanted.sequence)).norm(dim=-1)
+    assert float(off.mean()) < 2e-4
+    assert found.sequence.camera_to_world.equal(far)
+
+
+def test_a_stream_far_from_the_origin_of_the_world_loses_no_digits(shaken):
+    given = seen_by_head(shaken[40:60])
+
+    def cleaned(origin: float) -> torch.Tensor:
+        stream, found = Stream((), 30.0, side="left"), []
+        for joints, pose in zip(joints_of(given), given.camera_to_world.double(), strict=True):
+            pose = pose.clone()
+            pose[:3, 3] += origin
+            clean = stream.push(joints, camera_to_world=pose.numpy())
+            found += [clean] if clean else []
+        return torch.cat([clean.hand.joints for clean in found + stream.flush()])
+
+    assert float((cleaned(4e3) - cleaned(0.0)).norm(dim=-1).max()) < 1e-5

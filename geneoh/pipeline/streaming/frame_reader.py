@@ -20,7 +20,7 @@ from geneoh.readers.npz.hands import read_own
 from geneoh.readers.npz.layouts import CAMERA_POSES, HAND_FIELDS, quoted
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.object_poses import pose_field
-from geneoh.readers.records import Record, float32
+from geneoh.readers.records import Array, Record, float32
 from geneoh.sequence.placing import camera_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.validation import check_camera, check_hand, check_object, collapsed
@@ -43,6 +43,7 @@ class FrameReader:
         self._away_from_origin = False
         self._known: tuple[str, ...] = ()
         self._has_camera: bool | None = None
+        self._first_place: Array | None = None
 
     def observed(self, hand: Any, object_pose: Any, where: str) -> Observed:
         """One frame from the arguments of `Stream.push`; `where` names it in messages."""
@@ -50,7 +51,8 @@ class FrameReader:
 
     def camera(self, given: Any, where: str) -> Rigid | None:
         """The pose of a camera that moves, in one frame, for hand and object in its frame; None
-        for those in the world."""
+        for those in the world. The world's origin is put where the camera is first: single
+        precision has too few digits far from it."""
         has_camera = given is not None
         if self._has_camera not in (None, has_camera):
             got = "one after frames without" if has_camera else "none after frames with one"
@@ -61,8 +63,12 @@ class FrameReader:
         poses = None
         if has_camera:
             record = Record(where, {CAMERA_POSES: framed(given)}, "correct it")
-            poses = float32(pose_field(record, CAMERA_POSES))
-            check_camera(poses, 1, where)
+            matrices = pose_field(record, CAMERA_POSES).copy()
+            check_camera(float32(matrices), 1, where)
+            if self._first_place is None:
+                self._first_place = matrices[:, :3, 3].copy()
+            matrices[:, :3, 3] -= self._first_place
+            poses = float32(matrices)
         self._has_camera = has_camera
         return camera_of(poses)
 
