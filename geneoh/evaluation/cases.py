@@ -16,6 +16,7 @@ from geneoh.files.outputs import keep_others
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import hand_of_betas
+from geneoh.objects.smoothing import in_steady_world
 from geneoh.readers.clock import TIME_NAMES
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz.files import load, save_sequence
@@ -89,6 +90,7 @@ class Case:
         fps = None if any(name in fields for name in OF_RATE) else self.recording.fps
         try:
             found = load(path, obj=meshes, side=side, fps=fps, mano_dir=mano_dir)
+            found = in_steady_world(found)
         except InputError as error:
             said, _, cure = str(error).rpartition("; ")
             if "--" not in cure:

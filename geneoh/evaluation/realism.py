@@ -30,6 +30,7 @@ from geneoh.evaluation.two_sample_classifier import (
 )
 from geneoh.hand.library import load_hand
 from geneoh.metrics.smoothness import valid_differences
+from geneoh.objects.smoothing import in_steady_world
 from geneoh.seeds import seed_of
 from geneoh.sequence.sequence import Sequence
 
@@ -68,7 +69,7 @@ def measure_realism(recording: Sequence, folder: Path, *, augmented: bool = Fals
     With `augmented`, the synthetic clips get the augmentation of training.
     """
     hand = load_hand("right")
-    real = recorded_clip(recording, hand)
+    real = recorded_clip(in_steady_world(recording), hand)
     synthetic = synthetic_clips(folder, hand, augmented=augmented)
     return replace(compare_clips(real, synthetic), augmented=augmented)
 

@@ -20,7 +20,7 @@ from scipy.ndimage import maximum_filter, median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.geometry.rigid import Rigid
-from geneoh.sequence.placing import camera_of
+from geneoh.sequence.placing import camera_of, in_world
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import FARTHEST_SCENE
 
@@ -182,6 +182,13 @@ def steady_camera(sequence: Sequence) -> Rigid | None:
             noise = max(noise_level(path_of(turned)), LEAST_NOISE)
             found[start:stop] = smooth_rotations(turned, known, noise)[0].as_matrix()
     return Rigid(*(torch.from_numpy(values).to(poses.rotation) for values in (found, places)))
+
+
+def in_steady_world(sequence: Sequence) -> Sequence:
+    """The sequence of a moving camera in the world's frame, by its `steady_camera`; one that is in
+    the world as it is."""
+    camera = steady_camera(sequence)
+    return sequence if camera is None else in_world(sequence, camera)
 
 
 def leaps_of_camera(

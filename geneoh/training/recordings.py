@@ -26,6 +26,7 @@ from geneoh.geometry.mesh_files import MESH_SUFFIXES
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files
+from geneoh.objects.smoothing import in_steady_world
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
 from geneoh.readers.convert import mesh_files
@@ -176,7 +177,7 @@ def write_shard(
                 "leave it out, or convert it with `geneoh convert --obj` and learn from the result "
                 f"as {SEQUENCES}=FOLDER"
             )
-        for hand in normalised_hands(recording.sequence):
+        for hand in normalised_hands(in_steady_world(recording.sequence)):
             cuts += cut_hand(recording, hand, config, left_out)
     meshes = mesh_files(recording.sequence for recording in recordings)
     files = records_of([*files_of(clip, options), *by_path(meshes)])

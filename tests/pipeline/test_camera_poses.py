@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +13,12 @@ from short_clips import EXAMPLES, example
 
 import geneoh
 from geneoh.errors import InputError
+from geneoh.evaluation import realism
+from geneoh.evaluation.cases import Case
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.objects.smoothing import steady_camera
+from geneoh.objects.smoothing import in_steady_world
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.preparation import CAMERA_CONTRADICTED, CAMERA_REMOVED, MOVING_CAMERA
@@ -24,6 +29,8 @@ from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import camera_of, in_world, placed
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import Sequence
+from geneoh.training import recordings
+from geneoh.training.recordings import ClipConfig
 from geneoh.viz.scene import make_scene
 
 FAST = Options(preset="fast")
@@ -195,7 +202,7 @@ def test_poses_that_are_none_are_refused(spoil, words):
 
 def test_a_source_that_knows_its_camera_takes_no_other(tmp_path, monkeypatch):
     from geneoh.readers import dataset_reader
-    from geneoh.readers.base import ClipParts
+    from geneoh.readers.base import ClipParts, ReaderOptions, SourceClip
     from geneoh.readers.object_poses import poses_of
 
     hand = example()[:20].hands[0]
@@ -286,7 +293,7 @@ def test_a_cut_of_the_video_leaves_the_world_as_it_was(noise):
     turn, shift = noise * torch.randn(2, 60, 3, generator=seeded_generator("cut"))
     tracked = Rigid(axis_angle_to_matrix(turn), shift).compose(true).matrices()
     given = replace(placed(world, true.inverse()), camera_to_world=tracked)
-    found = joints_of(in_world(given, steady_camera(given)))
+    found = joints_of(in_steady_world(given))
     off = (found - joints_of(world)).norm(dim=-1)
     assert float(off.max()) < 1e-4 + 5 * noise  # 0.4 m beside the cut, smoothed across it
 
@@ -326,3 +333,36 @@ def test_a_stream_far_from_the_origin_of_the_world_loses_no_digits(shaken):
         return torch.cat([clean.hand.joints for clean in found + stream.flush()])
 
     assert float((cleaned(4e3) - cleaned(0.0)).norm(dim=-1).max()) < 1e-5
+
+
+@pytest.fixture
+def seen_file(tmp_path) -> Path:
+    geneoh.save(seen_by_head(example()[:20]), tmp_path / "clip_gauss_1.npz")
+    return tmp_path / "clip_gauss_1.npz"
+
+
+def assert_in_world(found: Sequence) -> None:
+    torch.testing.assert_close(joints_of(found), joints_of(example()[:20]), atol=1e-4, rtol=0)
+
+
+def test_predictions_for_a_clip_are_scored_in_its_world(seen_file):
+    clip = Clip("clip", partial(example().__getitem__, slice(0, 20)))
+    assert_in_world(Case("taco", clip, "gauss", 1, stored=seen_file.parent).noisy)
+
+
+def test_clips_to_learn_from_are_cut_in_the_world(seen_file, monkeypatch):
+    seen: list[Sequence] = []
+    monkeypatch.setattr(recordings, "normalised_hands", lambda given: seen.append(given) or [])
+    clip = SourceClip("clip", seen_file)
+    recordings.write_shard(
+        seen_file.with_suffix(".safetensors"), "sequences", clip, ClipConfig(), ReaderOptions()
+    )
+    assert_in_world(seen[0])
+
+
+def test_a_recording_is_compared_with_synthetic_clips_in_the_world(seen_file, monkeypatch):
+    monkeypatch.setattr(realism, "recorded_clip", lambda given, _: assert_in_world(given))
+    monkeypatch.setattr(realism, "synthetic_clips", lambda *_, **__: None)
+    report = realism.RealismReport((), {}, {}, {}, (0, 0), 0)
+    monkeypatch.setattr(realism, "compare_clips", lambda *_: report)
+    realism.measure_realism(geneoh.load(seen_file), seen_file.parent)
