@@ -164,10 +164,7 @@ class Denoised(Bundle):
             motion = replace(motion, rotation=turns, translation=places)
         if examined is not None:
             examined = replace(examined, aligned=placed_object(examined.aligned, back))
-        hands = dict[Side, HandResult]()
-        for side, hand in self.hands.items():
-            found, ray = hand.placed(back), given.hand(side).camera_ray
-            hands[side] = replace(found, track=replace(found.track, camera_ray=ray))
+        hands = {side: hand.placed(back) for side, hand in self.hands.items()}
         tracks = tuple(hands[hand.side].track for hand in self.sequence.hands)
         clean = replace(given, hands=tracks, object=motion)
         return replace(self, sequence=clean, hands=hands, examined=examined)

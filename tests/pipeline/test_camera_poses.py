@@ -25,10 +25,11 @@ from geneoh.pipeline.preparation import CAMERA_CONTRADICTED, CAMERA_REMOVED, MOV
 from geneoh.pipeline.streaming.stream import Stream
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.camera import seen_from
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import camera_of, in_world, placed
 from geneoh.sequence.resample import at_rate
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.training import recordings
 from geneoh.training.recordings import ClipConfig
 from geneoh.viz.scene import make_scene
@@ -318,6 +319,26 @@ def test_a_world_whose_origin_is_far_away_costs_no_digits(quick, shaken):
     off = (joints_of(found.sequence) - joints_of(wanted.sequence)).norm(dim=-1)
     assert float(off.mean()) < 2e-4
     assert found.sequence.camera_to_world.equal(far)
+
+
+def test_the_rays_of_hands_whose_names_are_exchanged_are_exchanged_too(quick):
+    left = HandTrack(
+        side="left", valid=torch.ones(60, dtype=torch.bool), joints=joints_of(example()[:60])
+    )
+    right = left.mirrored()
+    apart = joints_of(example()).mean((0, 1)) - right.joints.mean((0, 1))
+    right = replace(right, joints=right.joints + apart + torch.tensor([0.15, 0.0, 0.0]))
+    amid = (torch.arange(60) >= 20) & (torch.arange(60) < 40)
+    one, other = (
+        torch.where(amid[:, None, None], theirs, own)
+        for own, theirs in ((left.joints, right.joints), (right.joints, left.joints))
+    )
+    hands = (replace(left, joints=one), replace(right, joints=other))
+    world = Sequence(hands, geneoh.ObjectTrack.resting((), 60), 30.0)
+    given = seen_from(seen_by_head(world), torch.zeros(1, 3), "the camera")
+    for hand in denoise(given, FAST).sequence.hands:
+        ahead = torch.nn.functional.normalize(hand.joints[:, 0], dim=-1)
+        assert float((ahead * hand.camera_ray).sum(-1).min()) > math.cos(math.radians(5))
 
 
 def test_a_stream_far_from_the_origin_of_the_world_loses_no_digits(shaken):
