@@ -12,7 +12,7 @@ from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers.npz.files import load
 from geneoh.sequence.gaps import fill_object, without_placeholders
 from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.validation import check_camera, check_sequence, collapsed, without_collapsed
+from geneoh.sequence.validation import check_sequence, collapsed, without_collapsed
 
 
 def as_sequence(
@@ -52,7 +52,6 @@ def checked_interaction(sequence: Sequence) -> Sequence:
         InputError: the first fault that is found: a mesh without a surface or in another unit than
             metres, or values that cannot be an interaction.
     """
-    check_camera(sequence.camera_to_world, sequence.frames, sequence.source or "the sequence")
     motion = sequence.object
     if (meshes := checked_meshes(motion.meshes, sequence.source)) != motion.meshes:
         motion = replace(motion, meshes=meshes)

@@ -76,7 +76,6 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
     """
     name = name or sequence.source or "the sequence"
     check_tracks(sequence, name)
-    check_camera(sequence.camera_to_world, sequence.frames, name)
     if not SMALLEST_FPS <= sequence.fps <= LARGEST_FPS:
         seconds = 1 / LARGEST_FPS <= sequence.fps < SMALLEST_FPS
         cure = f"as seconds per frame it is {1 / sequence.fps:.4g}, pass that" if seconds else ""
@@ -93,7 +92,8 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
 
 
 def check_tracks(sequence: Sequence, name: str = "") -> None:
-    """Refuse a sequence without hands or frames, with two hands of one side or unequal lengths."""
+    """Refuse a sequence without hands or frames, with two hands of one side, unequal lengths, or
+    poses of a camera that are none."""
     name = name or sequence.source or "the sequence"
     sides = [hand.side for hand in sequence.hands]
     if not sides or len(set(sides)) < len(sides):
@@ -108,6 +108,7 @@ def check_tracks(sequence: Sequence, name: str = "") -> None:
                 f"for the {hand.side} hand and {sequence.frames} for the object; "
                 "cut them to the same frames"
             )
+    check_camera(sequence.camera_to_world, sequence.frames, name)
 
 
 def check_camera(poses: Float[Tensor, "T 4 4"] | None, frames: int, name: str) -> None:

@@ -341,6 +341,13 @@ def test_the_rays_of_hands_whose_names_are_exchanged_are_exchanged_too(quick):
         assert float((ahead * hand.camera_ray).sum(-1).min()) > math.cos(math.radians(5))
 
 
+def test_poses_of_other_frames_are_not_saved(tmp_path):
+    given = seen_by_head(example()[:20])
+    other = replace(given, camera_to_world=given.camera_to_world[:19])
+    with pytest.raises(InputError, match="one for each of the 20 frames, got 19"):
+        geneoh.save(other, tmp_path / "seen.npz")
+
+
 def test_a_stream_far_from_the_origin_of_the_world_loses_no_digits(shaken):
     given = seen_by_head(shaken[40:60])
 
