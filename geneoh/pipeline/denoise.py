@@ -121,7 +121,8 @@ def denoise(
             result = joined_shots(parts, shots)
         if camera is not None:
             result = result.seen_from(camera, given)
-            result = replace(result, notes=told_of_camera(result.notes))
+            notes = told_of_camera(result.notes, camera, sequence.fps)
+            result = replace(result, notes=notes)
         return replace(result, doubts=doubtful)
 
 

@@ -36,6 +36,9 @@ CAMERA_CONTRADICTED = (
     "other frames, of another scale, as from the images of one camera, or of other axes, as y up "
     "and z backward; the motion that they leave was estimated by the object and removed as well"
 )
+FAST_CAMERA = 8.0
+"""Median speed of a camera, metres a second, from which the unit of its poses is doubted: no one
+runs faster while hands are filmed, and in millimetres the head of one who works does."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +101,15 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
     return Prepared(hands, raw, ready, given, still, chosen, tuple(notes))
 
 
-def told_of_camera(notes: tuple[str, ...]) -> tuple[str, ...]:
-    """The notes on a sequence in the world that the camera's poses lead to, and one on these."""
-    others = tuple(note for note in notes if MOVING_CAMERA not in note)
-    contradicted = (CAMERA_CONTRADICTED,) if len(others) < len(notes) else ()
-    return (*others, CAMERA_REMOVED, *contradicted)
+def told_of_camera(notes: tuple[str, ...], camera: Rigid, fps: float) -> tuple[str, ...]:
+    """The notes on a sequence in the world that the camera's poses lead to, and those on these."""
+    found = [*(note for note in notes if MOVING_CAMERA not in note), CAMERA_REMOVED]
+    if len(found) <= len(notes):
+        found.append(CAMERA_CONTRADICTED)
+    steps = camera.translation.diff(dim=0).norm(dim=-1)
+    if len(steps) and (speed := fps * float(steps.median())) > FAST_CAMERA:
+        found.append(f"by its poses the camera moves {speed:.0f} m a second; give them in metres")
+    return tuple(found)
 
 
 def idle_options(options: Options) -> Iterator[str]:

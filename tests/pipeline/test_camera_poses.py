@@ -321,6 +321,16 @@ def test_a_world_whose_origin_is_far_away_costs_no_digits(quick, shaken):
     assert found.sequence.camera_to_world.equal(far)
 
 
+def test_poses_in_millimetres_are_told(quick):
+    given = seen_by_head(example()[:20])
+    given = replace(given, object=geneoh.ObjectTrack.resting((), 20))
+    scaled = given.camera_to_world.clone()
+    scaled[:, :3, 3] *= 1000
+    notes = denoise(replace(given, camera_to_world=scaled), FAST).notes
+    assert any("by its poses the camera moves" in note for note in notes)
+    assert not any("the camera moves" in note for note in denoise(given, FAST).notes)
+
+
 def test_the_rays_of_hands_whose_names_are_exchanged_are_exchanged_too(quick):
     left = HandTrack(
         side="left", valid=torch.ones(60, dtype=torch.bool), joints=joints_of(example()[:60])
