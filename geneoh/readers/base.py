@@ -110,7 +110,7 @@ def place_in(text: str) -> Place:
 MOVED_DISTANCE = 0.03
 """Distance in metres from its median position beyond which an object counts as moved."""
 
-OF_SOME = (*OF_SOURCES, "object_pose", "joint_order", "keypoint_unit")
+OF_SOME = (*OF_SOURCES, "object_pose", "camera_pose", "joint_order", "keypoint_unit")
 """Options that only some sources accept; each reader lists those that it accepts."""
 
 

@@ -176,11 +176,6 @@ def _callers_cameras(
     """(T, 4, 4) poses of the caller's camera, for hands in its frame; and notes."""
     if options.camera_pose is None:
         return None, ()
-    if parts.camera_poses is not None:
-        raise InputError(
-            f"{where}: --camera-pose is for hands in the frame of the camera, got {parts.source}, "
-            "whose hands are in the world; drop it"
-        )
     poses, notes = options.camera_pose.of_frames(parts.frames, where, clock, parts.first)
     return float32(poses), notes
 

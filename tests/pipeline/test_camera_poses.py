@@ -201,20 +201,6 @@ def test_poses_that_are_none_are_refused(spoil, words):
         denoise(replace(given, camera_to_world=spoil(given.camera_to_world)), FAST)
 
 
-def test_a_source_that_knows_its_camera_takes_no_other(tmp_path, monkeypatch):
-    from geneoh.readers import dataset_reader
-    from geneoh.readers.base import ClipParts, ReaderOptions, SourceClip
-    from geneoh.readers.object_poses import poses_of
-
-    hand = example()[:20].hands[0]
-    poses = head(20).matrices().numpy()
-    parts = ClipParts("Tracker", [hand], camera_poses=poses)
-    reader = dataset_reader.DatasetReader(lambda *given: [parts], ("*",))
-    options = ReaderOptions(camera_pose=poses_of(poses, "here", owner="camera"))
-    with pytest.raises(InputError, match="--camera-pose is for hands in the frame of the camera"):
-        reader.read(SourceClip("clip", tmp_path), options)
-
-
 def test_pictures_show_the_world(quick, shaken):
     world = shaken[40:60]
     given = seen_by_head(world)

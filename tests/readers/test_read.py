@@ -214,6 +214,7 @@ UNUSED = {
     "swap_parts": True,
     "object_pose": np.tile(np.eye(4), (9, 1, 1)),
     "object_pose_frame": "camera",
+    "camera_pose": np.tile(np.eye(4), (9, 1, 1)),
 }
 
 

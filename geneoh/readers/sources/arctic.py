@@ -97,7 +97,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     )
 
 
-@reads("preds/", clip_is_folder=True, convention=CONVENTION, takes=("objects",))
+@reads("preds/", clip_is_folder=True, convention=CONVENTION, takes=("objects", "camera_pose"))
 def arcticnet(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object, one frame for each image number."""
     words = clip.path.name.split("_")

@@ -40,9 +40,10 @@ from geneoh.readers.records import Array, Notes, Record
 KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"
 PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side by side in a npy"
 """What to do about a wrong field, which is in a file of the caller's own."""
+POSES = ("object_pose", "camera_pose")
 
 
-@reads("*.npy", "*.npz", takes=("joint_order", "keypoint_unit", "object_pose"))
+@reads("*.npy", "*.npz", takes=("joint_order", "keypoint_unit", *POSES))
 def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
@@ -67,7 +68,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     )
 
 
-@reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
+@reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", *POSES))
 def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     fields = _fields_of(clip.path, partial(_columns, clip.path))

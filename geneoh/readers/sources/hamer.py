@@ -37,7 +37,7 @@ MIRRORED_NOTE = "some fields of left hands were mirrored back already"
     choose=dumps,
     any_file=True,
     fps=None,
-    takes=("focal", "object_pose"),
+    takes=("focal", "object_pose", "camera_pose"),
 )
 def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""

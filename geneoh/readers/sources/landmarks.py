@@ -66,7 +66,7 @@ def _clips(found: Iterable[Path], path: Path) -> Iterable[Path]:
 @reads(
     *("*.json", "*.jsonl", "*.csv"),
     choose=_clips,
-    takes=("joint_order", "keypoint_unit", "object_pose"),
+    takes=("joint_order", "keypoint_unit", "object_pose", "camera_pose"),
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
