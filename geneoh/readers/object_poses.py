@@ -18,6 +18,7 @@ from geneoh.readers.foreign_files import (
     numbered_files,
     read_numbers,
 )
+from geneoh.readers.nested_lists import Shape
 from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.pose_tables import with_bottom_row
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
@@ -30,6 +31,8 @@ from geneoh.readers.trajectories import (
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4), ("T", 3, 4), ("T", "Q", 3, 4), (4, 4), (3, 4))
 """Accepted shapes of object poses; those without T are a single pose."""
+CAMERA_SHAPES = tuple(shape for shape in POSE_SHAPES if "Q" not in shape)
+"""The same of a camera, which has no parts."""
 
 AS_MATRICES = (
     "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle"
@@ -43,9 +46,11 @@ IN_A_TEXT = (
 """What to do about a text that holds no matrix."""
 
 
-def pose_field(record: Record, name: str, unit: str = "") -> Array:
+def pose_field(
+    record: Record, name: str, unit: str = "", shapes: tuple[Shape, ...] = POSE_SHAPES
+) -> Array:
     """(T, 4, 4) or (T, Q, 4, 4) poses in a field that may lack their last row, or the axis T."""
-    poses = record.array(name, *POSE_SHAPES, unit=unit, remedy=AS_MATRICES)
+    poses = record.array(name, *shapes, unit=unit, remedy=AS_MATRICES)
     return with_bottom_row(poses if poses.ndim > 2 else poses[None])
 
 

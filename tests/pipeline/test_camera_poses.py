@@ -242,6 +242,8 @@ def test_a_stream_has_a_camera_in_every_frame_or_in_none():
     stream, joints = Stream(side="left"), joints_of(example())
     with pytest.raises(InputError, match="'camera_to_world' must be numbers of shape"):
         stream.push(joints[0], camera_to_world=np.eye(3)[:2])
+    with pytest.raises(InputError, match=r"shape \(T, 4, 4\) or .* got \(1, 2, 4, 4\)"):
+        stream.push(joints[0], camera_to_world=np.stack([np.eye(4), np.eye(4)]))
     with pytest.raises(InputError, match="must be finite in every frame"):
         stream.push(joints[0], camera_to_world=np.full((4, 4), np.nan))
     stream.push(joints[0], camera_to_world=np.eye(4))

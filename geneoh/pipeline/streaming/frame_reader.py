@@ -19,7 +19,7 @@ from geneoh.readers.npz.files import hand_arrays
 from geneoh.readers.npz.hands import read_own
 from geneoh.readers.npz.layouts import CAMERA_POSES, HAND_FIELDS, quoted
 from geneoh.readers.npz.objects import read_object
-from geneoh.readers.object_poses import pose_field
+from geneoh.readers.object_poses import CAMERA_SHAPES, pose_field
 from geneoh.readers.records import Array, Record, float32
 from geneoh.sequence.placing import camera_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
@@ -63,7 +63,7 @@ class FrameReader:
         poses = None
         if has_camera:
             record = Record(where, {CAMERA_POSES: framed(given)}, "correct it")
-            matrices = pose_field(record, CAMERA_POSES).copy()
+            matrices = pose_field(record, CAMERA_POSES, shapes=CAMERA_SHAPES).copy()
             check_camera(float32(matrices), 1, where)
             if self._first_place is None:
                 self._first_place = matrices[:, :3, 3].copy()

@@ -31,7 +31,7 @@ from geneoh.readers.npz.layouts import (
     own_names,
     quoted,
 )
-from geneoh.readers.object_poses import pose_field, poses_of
+from geneoh.readers.object_poses import CAMERA_SHAPES, pose_field, poses_of
 from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.recordings import read_recording
 from geneoh.readers.records import Array, Notes, Record, float32
@@ -233,7 +233,7 @@ def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
     """The sequence with the camera's ray or position from a file, which holds for all hands, and
     with its motion."""
     if CAMERA_POSES in record:
-        poses = float32(pose_field(record, CAMERA_POSES))
+        poses = float32(pose_field(record, CAMERA_POSES, shapes=CAMERA_SHAPES))
         sequence = replace(sequence, camera_to_world=poses)
     there = [name for name in CAMERA_FIELDS if name in record]
     if len(there) > 1:
