@@ -39,7 +39,7 @@ reader_options = options.together(
     option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,
     option(
-        "--keypoint-unit: Unit of bare keypoints, and of the object's poses and the "
+        "--keypoint-unit: Unit of bare keypoints, and of the poses of object and camera and the "
         "`camera_position` beside them.  "
         "[default: m]",
         Choice(UNITS),

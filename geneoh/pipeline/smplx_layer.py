@@ -33,7 +33,7 @@ def to_smplx(
     """One hand of a sequence as an `smplx.MANO` module with its pose, all frames as one batch.
 
         layer = geneoh.to_smplx("left", result.sequence)
-        vertices = layer().vertices  # (T, 778, 3), metres, in the world frame
+        vertices = layer().vertices  # (T, 778, 3), metres, in the frame of the sequence
 
     The pose is in the module's own parameters, one row per frame: `betas` (T, 10), `global_orient`
     (T, 3), `hand_pose` (T, 45) in radians, and `transl` (T, 3) in metres, which places MANO's
