@@ -21,7 +21,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.geometry.rigid import Rigid
 from geneoh.sequence.placing import camera_of, in_world
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.repeats import without_repeats
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.validation import FARTHEST_SCENE
 
 CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
@@ -169,6 +170,10 @@ def steady_camera(sequence: Sequence) -> Rigid | None:
     poses = camera_of(sequence.camera_to_world)
     if poses is None:
         return None
+    track = ObjectTrack((), poses.rotation[:, None], poses.translation[:, None])
+    track, _ = without_repeats(track)
+    known = track.observed[:, 0].cpu().numpy()
+    poses = Rigid(track.rotation[:, 0], track.translation[:, 0])
     places = poses.translation.double().cpu().numpy()
     turns = Rotation.from_matrix(poses.rotation.double().cpu().numpy())
     if np.linalg.norm(middle := places.mean(0)) > FARTHEST_SCENE:
@@ -176,11 +181,11 @@ def steady_camera(sequence: Sequence) -> Rigid | None:
     found = poses.rotation.double().cpu().numpy()
     for start, stop in pairwise([0, *leaps_of_camera(places, turns, sequence.fps), len(places)]):
         if stop - start >= LEAST_FRAMES:
-            path, turned, known = places[start:stop], turns[start:stop], np.ones(stop - start, bool)
+            path, turned, trusted = places[start:stop], turns[start:stop], known[start:stop]
             noise = max(noise_level(path), LEAST_NOISE)
-            places[start:stop], _ = smooth_points(path, known, noise)
+            places[start:stop], _ = smooth_points(path, trusted, noise)
             noise = max(noise_level(path_of(turned)), LEAST_NOISE)
-            found[start:stop] = smooth_rotations(turned, known, noise)[0].as_matrix()
+            found[start:stop] = smooth_rotations(turned, trusted, noise)[0].as_matrix()
     return Rigid(*(torch.from_numpy(values).to(poses.rotation) for values in (found, places)))
 
 

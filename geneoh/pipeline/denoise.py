@@ -35,6 +35,7 @@ from geneoh.readers.checks.convention import doubts
 from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.placing import in_world
+from geneoh.sequence.repeats import repeated_poses, without_repeats
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -99,8 +100,13 @@ def denoise(
         if taken.object.meshes and taken.object.is_seen:
             sequence = with_hands_earlier(sequence, options.hand_delay)
         given, camera = sequence, steady_camera(sequence)
+        repeated: tuple[str, ...] = ()
         if camera is not None:
             sequence = in_world(sequence, camera)
+            if options.resolved().clean_object:
+                repeats = repeated_poses(given.object, camera_moves=True)
+                motion, repeated = without_repeats(sequence.object, repeats)
+                sequence = replace(sequence, object=motion)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, followed = without_following(sequence)
@@ -121,7 +127,7 @@ def denoise(
             result = joined_shots(parts, shots)
         if camera is not None:
             result = result.seen_from(camera, given)
-            notes = told_of_camera(result.notes, camera, sequence.fps)
+            notes = told_of_camera((*repeated, *result.notes), camera, sequence.fps)
             result = replace(result, notes=notes)
         return replace(result, doubts=doubtful)
 

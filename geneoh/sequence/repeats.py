@@ -26,13 +26,17 @@ FEWEST_STOPS, FEWEST_BRIEF_STOPS, BRIEF_FRAMES, REST_RATIO = 5, 3, 4, 2
 `BRIEF_FRAMES`; and the largest ratio of a stop to the median: a longer one is a true rest."""
 
 
-def without_repeats(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
+def without_repeats(
+    motion: ObjectTrack, repeats: Bool[Tensor, "T Q"] | None = None
+) -> tuple[ObjectTrack, tuple[str, ...]]:
     """The track with repeated poses replaced by interpolated ones, and notes about them.
 
-    The replaced poses are not `valid`. They follow cubic curves: five times a second, an object
-    that starts or stops is centimetres off the straight line from one pose to the next.
+    `repeats` says which ones they are, if that was found in another frame: poses that repeat in the
+    frame of a moving camera do not in the world. The replaced poses are not `valid`. They follow
+    cubic curves: five times a second, an object that starts or stops is centimetres off the
+    straight line from one pose to the next.
     """
-    repeats = repeated_poses(motion)
+    repeats = repeated_poses(motion) if repeats is None else repeats
     if not bool(repeats.any()):
         return motion, ()
     notes = tuple(repeat_notes(motion, repeats, "taken as missing"))
@@ -57,15 +61,19 @@ def repeat_notes(motion: ObjectTrack, repeats: Bool[Tensor, "T Q"], cure: str) -
             )
 
 
-def repeated_poses(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
-    """Mask of the poses that exactly equal the one before, between leaps; empty if that is rare."""
+def repeated_poses(motion: ObjectTrack, camera_moves: bool = False) -> Bool[Tensor, "T Q"]:
+    """Mask of the poses that exactly equal the one before, between leaps; empty if that is rare.
+
+    With `camera_moves` the poses are in the frame of a camera that moves, in which nothing rests:
+    leaps are not needed."""
     seen = motion.observed.cpu()
     found = torch.zeros_like(seen)
     turns = METRES_PER_ROTATION * motion.rotation.flatten(2)
     steps = torch.cat([motion.translation, turns], -1).diff(dim=0)
     stays = (steps == 0).all(-1).cpu() & seen[1:] & seen[:-1]
     for part in range(found.shape[1]):
-        stops = [each for each in runs(stays[:, part].numpy()) if goes_on(steps[:, part], each)]
+        all_stops = runs(stays[:, part].numpy())
+        stops = [each for each in all_stops if camera_moves or goes_on(steps[:, part], each)]
         lengths = [stop.stop - stop.start for stop in stops]
         usual = float(np.median(lengths)) if lengths else 0.0
         enough = len(stops) >= (FEWEST_BRIEF_STOPS if usual <= BRIEF_FRAMES else FEWEST_STOPS)

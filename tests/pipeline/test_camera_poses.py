@@ -392,3 +392,40 @@ def test_a_recording_is_compared_with_synthetic_clips_in_the_world(seen_file, mo
     report = realism.RealismReport((), {}, {}, {}, (0, 0), 0)
     monkeypatch.setattr(realism, "compare_clips", lambda *_: report)
     realism.measure_realism(geneoh.load(seen_file), seen_file.parent)
+
+
+def held(frames: int) -> torch.Tensor:
+    """The frame whose pose is taken in each frame, as from a sensor of a third of the rate."""
+    return torch.arange(frames) // 3 * 3
+
+
+def test_poses_of_a_slower_camera_are_interpolated():
+    world = example()[:90]
+    given = seen_by_head(world)
+    slower = replace(given, camera_to_world=given.camera_to_world[held(90)])
+    off = (joints_of(in_steady_world(slower)) - joints_of(world)).norm(dim=-1)
+    assert float(off[:-3].mean()) < 2e-3  # 12 mm, where they are held and smoothed
+
+
+def test_poses_of_an_object_that_repeat_in_the_frame_of_the_camera_count_as_missing(quick):
+    world = example()[20:110]
+    given = seen_by_head(world)
+    still, turning = (
+        replace(
+            clip,
+            object=replace(
+                clip.object,
+                rotation=clip.object.rotation[held(90)],
+                translation=clip.object.translation[held(90)],
+            ),
+        )
+        for clip in (world, given)
+    )
+    wanted, found = denoise(still, FAST), denoise(turning, FAST)
+    assert any("repeats the one before" in note for note in found.notes)
+    assert not any("the pose of the object shakes" in note for note in found.notes)
+    off = (in_the_world(found.sequence) - joints_of(wanted.sequence)).norm(dim=-1)
+    assert float(off.mean()) < 1e-3
+    assert found.sequence.object.translation.equal(turning.object.translation)
+    trusted = denoise(turning, replace(FAST, trust_object=True))
+    assert not any("repeats the one before" in note for note in trusted.notes)
