@@ -18,6 +18,7 @@ from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, dates_in, is_column, l
 from geneoh.readers.npz.files import sequence_in
 from geneoh.readers.npz.layouts import (
     CAMERA_FIELDS,
+    CAMERA_NAMES,
     CAMERA_POSES,
     FORMAT,
     OBJECT_FIELDS,
@@ -97,6 +98,8 @@ def meant(name: str) -> str:
     """The name that an unknown field name probably stands for, as the end of a message."""
     if name in MESH_NAMES:
         return "did you mean 'meshes'?"
+    if name in CAMERA_NAMES:
+        return f"did you mean '{CAMERA_POSES}'?"
     sided = [each for side in SIDES if (each := f"{side}_{name}") in OWN_FIELDS]
     close = sided or difflib.get_close_matches(name, NAMES, 1)
     if close:

@@ -89,6 +89,7 @@ def test_frames_with_nan_count_as_not_observed(arrays):
         ({"joints": np.zeros(3)}, "did you mean 'left_joints' or 'right_joints'"),
         ({"obj": MESH}, "did you mean 'meshes'"),
         ({"mesh": MESH}, "did you mean 'meshes'"),
+        ({"camera_pose": np.eye(4)}, "did you mean 'camera_to_world'"),
         ({"left_joints": np.zeros((3, 21, 146))}, "transpose, reshape would mix them"),
         ({"left_joints": np.zeros((3, 21, 4))}, "keep the first three numbers of each; where"),
         ({"left_joints": [np.zeros((21, 3)), np.zeros((20, 3))]}, "fill missing rows with NaN"),

@@ -31,6 +31,8 @@ CAMERA_FIELDS = ("camera_ray", "camera_position")
 """Fields of the camera that saw all hands, in every layout."""
 CAMERA_POSES = "camera_to_world"
 """Field of the poses of a moving camera, in every layout."""
+CAMERA_NAMES = ("camera_pose", "camera_poses", "cam_pose", "cam_poses")
+"""Names for the poses of a camera that are not read."""
 MESH_FIELDS = ("object_files", "object_hashes")
 """Paths and hashes of the object's meshes, in files that geneoh wrote."""
 SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
@@ -171,6 +173,8 @@ def misspelt_fields(record: Record, layout: Layout) -> list[str]:
     unknown = [name for name in record.values if name not in known]
     has_poses = any(name in record for name in OBJECT_FIELDS[:3])
     meant = {} if has_poses else {name: ["obj_pose"] for name in OBJECT_NAMES}
+    if CAMERA_POSES not in record:
+        meant |= {name: [CAMERA_POSES] for name in CAMERA_NAMES}
     close = [
         (name, meant.get(name) or difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF))
         for name in unknown

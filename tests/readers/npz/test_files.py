@@ -139,13 +139,14 @@ def test_what_is_assumed_of_keypoints_in_other_files_is_logged_as_of_an_npz(tmp_
         assert f"{name}: 30 frames a second assumed" in caplog.text
 
 
-def test_another_name_for_the_poses_of_the_object_is_told(tmp_path, caplog):
+def test_another_name_for_the_poses_of_object_and_camera_is_told(tmp_path, caplog):
     arrays = good_arrays()
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
     hand = {name: arrays[name] for name in ("joints", "side", "fps")}
-    np.savez(tmp_path / "a.npz", **hand, object_pose=poses)
+    np.savez(tmp_path / "a.npz", **hand, object_pose=poses, cam_poses=poses)
     load(tmp_path / "a.npz")
     assert "'object_pose' is not read; is it 'obj_pose'?" in caplog.text
+    assert "'cam_poses' is not read; is it 'camera_to_world'?" in caplog.text
     caplog.clear()
     pair = {name: arrays[name] for name in OBJECT_FIELDS[:2]}
     for known in ({"obj_pose": poses}, pair):
