@@ -16,7 +16,7 @@ _SMALL = (
 _TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
 _VALUES = {word: value for value, word in enumerate(_SMALL)}
 _VALUES |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
-_VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarter": 0.25}
+_VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarters": 0.25, "quarter": 0.25}
 _UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
 """Frames of each unit; all other units are seconds."""
 _WORD = "|".join((*_VALUES, "hundred"))
@@ -28,7 +28,8 @@ _ABOUT = (
 )
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
-    rf"(?P<words>(?P<before>{_BEFORE})(?P<minus>(?<!\S)-|\bminus )?(?P<number>\b(?:{_NUMBER}))"
+    rf"(?P<words>(?P<before>{_BEFORE})(?:\b(?:{_NUMBER})(?: to | or | ?- ?))?"
+    rf"(?P<minus>(?<!\S)-|\bminus )?(?P<number>\b(?:{_NUMBER}))"
     r"(?: of)?(?: an?)?(?: |-)?"
     r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b"
     r"(?P<half> and a half\b)?(?: long)?)",
@@ -107,16 +108,19 @@ def _is_length(match: re.Match[str]) -> bool:
 
 
 def number_of(text: str) -> float:
-    """The number in digits or words: "2.5", "1 1/2", "two and a half", "a hundred"."""
+    """The number in digits or words: "2.5", "1,500", "1 1/2", "two and a half", "a hundred"."""
     if text[0].isdecimal():
+        text = re.sub(r"^(\d{1,3}),(?=\d{3}$)", r"\1", text)  # a comma between thousands
         return float(sum(Fraction(part) for part in text.replace(",", ".").split()))
     words = [word for word in re.split(r"[ -]", text.lower()) if word not in ("and", "of")]
-    total = 0.0
+    total = last = 0.0
     for word in words:
         if word == "hundred":
             total = 100 * max(total, 1)
+        elif word == "quarters":  # "three quarters"
+            total += last * (_VALUES[word] - 1)
         elif not (word in ("a", "an") and len(words) > 1):  # "half a", "a couple", "and a half"
-            total += _VALUES[word]
+            total, last = total + _VALUES[word], _VALUES[word]
     return float(total)
 
 
