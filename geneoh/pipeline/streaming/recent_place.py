@@ -60,9 +60,8 @@ class RecentRun(StageRun):
         enough = context.frames >= LEAST_PLACED
         if enough and self.done - self.place.since >= PLACE_EVERY:
             found, width = super().placed(observed, hand, context, plan)
-            at = min(self.done - self.first, context.frames - 1)  # drift changes within a window
-            shift = (found.wrist - hand.wrist)[:, at : at + 1]
-            self.place.learn(shift, float(width[at]), self.done)
+            # of the oldest frame: drift within the window is not followed, which gains nothing
+            self.place.learn((found.wrist - hand.wrist)[:, :1], float(width[0]), self.done)
         frames = (torch.arange(context.frames) + self.first).to(hand.wrist)
         moved = replace(hand, wrist=hand.wrist + self.place.at(frames))
         return moved, torch.full_like(frames, self.place.width)
