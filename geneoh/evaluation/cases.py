@@ -16,7 +16,7 @@ from geneoh.files.outputs import keep_others
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import hand_of_betas
-from geneoh.objects.smoothing import in_steady_world
+from geneoh.objects.camera_motion import in_steady_world
 from geneoh.readers.clock import TIME_NAMES
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz.files import load, save_sequence

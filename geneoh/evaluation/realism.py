@@ -30,7 +30,7 @@ from geneoh.evaluation.two_sample_classifier import (
 )
 from geneoh.hand.library import load_hand
 from geneoh.metrics.smoothness import valid_differences
-from geneoh.objects.smoothing import in_steady_world
+from geneoh.objects.camera_motion import in_steady_world
 from geneoh.seeds import seed_of
 from geneoh.sequence.sequence import Sequence
 

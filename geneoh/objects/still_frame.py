@@ -124,7 +124,8 @@ def stilled(motion: ObjectTrack, held: Float64[np.ndarray, "T Q"]) -> Rigid:
     the next, by the share of its motion to which it is held."""
     frames, least = len(held), np.minimum(held[:-1], held[1:])
     part, share = least.argmin(1), least.min(1)
-    steps, poses = np.arange(frames - 1), matrices_of(motion)
+    given = Rigid(motion.rotation.double(), motion.translation.double())
+    steps, poses = np.arange(frames - 1), given.matrices().cpu().numpy()
     before, after = poses[steps, part], poses[steps + 1, part]
     step = np.linalg.inv(before) @ after
     turn = Rotation.from_matrix(step[:, :3, :3]).as_rotvec()
@@ -136,11 +137,3 @@ def stilled(motion: ObjectTrack, held: Float64[np.ndarray, "T Q"]) -> Rigid:
         still[frame + 1] = still[frame] @ change
     turns = Rotation.from_matrix(still[:, :3, :3]).as_matrix()
     return Rigid(*(torch.from_numpy(x).to(motion.rotation) for x in (turns, still[:, :3, 3])))
-
-
-def matrices_of(motion: ObjectTrack) -> Float64[np.ndarray, "T Q 4 4"]:
-    """The poses of all parts as matrices."""
-    found = np.tile(np.eye(4), (*motion.rotation.shape[:2], 1, 1))
-    found[..., :3, :3] = motion.rotation.cpu().double().numpy()
-    found[..., :3, 3] = motion.translation.cpu().double().numpy()
-    return found

@@ -18,8 +18,8 @@ from geneoh.hand.mano import mano_folder
 from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
+from geneoh.objects.camera_motion import steady_camera
 from geneoh.objects.refine import refine_object
-from geneoh.objects.smoothing import steady_camera
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.following import without_following
@@ -28,14 +28,12 @@ from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.preparation import Prepared, prepared, told_of_camera
+from geneoh.pipeline.preparation import Prepared, brought_to_world, prepared, told_of_camera
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
 from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
-from geneoh.sequence.placing import in_world
-from geneoh.sequence.repeats import repeated_poses, without_repeats
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -102,11 +100,7 @@ def denoise(
         given, camera = sequence, steady_camera(sequence)
         repeated: tuple[str, ...] = ()
         if camera is not None:
-            sequence = in_world(sequence, camera)
-            if options.resolved().clean_object:
-                repeats = repeated_poses(given.object, camera_moves=True)
-                motion, repeated = without_repeats(sequence.object, repeats)
-                sequence = replace(sequence, object=motion)
+            sequence, repeated = brought_to_world(given, camera, options)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, exchange = without_exchange(sequence)
         sequence, followed = without_following(sequence)

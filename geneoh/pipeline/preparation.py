@@ -14,7 +14,8 @@ from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult
 from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.placing import placed, placed_hand
+from geneoh.sequence.placing import in_world, placed, placed_hand
+from geneoh.sequence.repeats import repeated_poses, without_repeats
 from geneoh.sequence.sequence import Sequence
 
 NO_OBJECT = (
@@ -99,6 +100,18 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
     if hands[0].track.frames != sequence.frames:
         notes.append(rate_note(sequence.fps))
     return Prepared(hands, raw, ready, given, still, chosen, tuple(notes))
+
+
+def brought_to_world(
+    given: Sequence, camera: Rigid, options: Options
+) -> tuple[Sequence, tuple[str, ...]]:
+    """The sequence of a moving camera in the world, and notes: poses of the object that a slower
+    sensor repeats are known in the camera's frame alone, as they do not repeat in the world."""
+    world = in_world(given, camera)
+    if not options.resolved().clean_object:
+        return world, ()
+    motion, notes = without_repeats(world.object, repeated_poses(given.object, camera_moves=True))
+    return replace(world, object=motion), notes
 
 
 def told_of_camera(notes: tuple[str, ...], camera: Rigid, fps: float) -> tuple[str, ...]:

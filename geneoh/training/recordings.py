@@ -26,7 +26,7 @@ from geneoh.geometry.mesh_files import MESH_SUFFIXES
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files
-from geneoh.objects.smoothing import in_steady_world
+from geneoh.objects.camera_motion import in_steady_world
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
 from geneoh.readers.convert import mesh_files

@@ -17,7 +17,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.metrics.report import FrameMeasures
-from geneoh.objects.smoothing import steady_camera
+from geneoh.objects.camera_motion import steady_camera
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.placing import in_world

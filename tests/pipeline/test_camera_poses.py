@@ -18,7 +18,7 @@ from geneoh.evaluation.cases import Case
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.objects.smoothing import in_steady_world
+from geneoh.objects.camera_motion import in_steady_world
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.preparation import CAMERA_CONTRADICTED, CAMERA_REMOVED, MOVING_CAMERA

@@ -16,6 +16,7 @@ _SMALL = (
 _TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
 _VALUES = {word: value for value, word in enumerate(_SMALL)}
 _VALUES |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
+# "quarters" comes first, as a shorter word before it would be found in its place
 _VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarters": 0.25, "quarter": 0.25}
 _UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
 """Frames of each unit; all other units are seconds."""
