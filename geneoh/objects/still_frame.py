@@ -30,6 +30,8 @@ WITH, OVER = 0.03, 0.10
 RATE_FRAMES = 4.0
 """Standard deviation, in frames at 30 a second, of the Gaussian that smooths tracks for their
 speeds: of 10 mm of white noise it leaves 14 mm per second."""
+KNOWN = 0.95
+"""Share of the smoothing of a track that observed frames have at least where its speed is known."""
 RESTING, MOVING = 0.03, 0.06
 """Speed of a part's surface up to which it rests, and from which it moves, metres per second."""
 SELDOM = 0.1
@@ -58,8 +60,8 @@ def still_frame(
     rests = (speeds < RESTING).any(1).mean() > SELDOM
     if rests or bool((relied.mean(0) < RELIED).any()):
         return None
+    held = held_shares(hands, motion, fps)
     tracks = [filled_keypoints(hand) for hand in hands]
-    held = held_shares(tracks, motion, fps)
     return stilled(motion, held) if camera_moves(tracks, motion, held, speeds, fps) else None
 
 
@@ -89,17 +91,23 @@ def camera_moves(
 
 
 def held_shares(
-    tracks: list[Float[Tensor, "T 21 3"]], motion: ObjectTrack, fps: float
+    hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float
 ) -> Float64[np.ndarray, "T Q"]:
-    """Degree, 0 to 1, to which some hand is at each part and moves with it, by the keypoints of the
-    hands."""
+    """Degree, 0 to 1, to which some hand is at each part and moves with it, by its keypoints; while
+    it is not observed, as before and after."""
     surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
     smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
-    for joints in tracks:
+    times = np.arange(len(found))
+    for hand in hands:
+        joints = filled_keypoints(hand)
         points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
         near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
         over = torch.from_numpy(palm_speeds(joints, motion, fps))
-        found = np.maximum(found, near * share_between(over, WITH, OVER).numpy())
+        share, seen = near * share_between(over, WITH, OVER).numpy(), hand.observed.cpu().numpy()
+        weight = smooth(seen.astype(float))
+        known = weight >= min(KNOWN, weight.max())
+        each = [np.interp(times, times[known], part[known]) for part in share.T]
+        found = np.maximum(found, np.stack(each, 1))
     return found
 
 

@@ -15,7 +15,6 @@ from geneoh.objects.still_frame import held_shares, speed_of, still_frame
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.seeds import seeded_generator
-from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import placed
 from geneoh.sequence.resample import at_rate
@@ -24,6 +23,8 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 FRAMES = 60
 KETTLE = draw_clip("kettle", 0, FRAMES)
 """A hand comes, lifts a kettle from frame 23 to 39 and goes."""
+CARRIED = draw_clip("kettle", 0, 150)[47:99]
+"""A hand that carries a kettle all the time."""
 DRAWER = draw_clip("drawer", 1, FRAMES)
 
 
@@ -47,7 +48,7 @@ def found(sequence: Sequence, relied: float = 1.0) -> Rigid | None:
 
 
 def shares(hands: tuple[HandTrack, ...], clip: Sequence) -> np.ndarray:
-    return held_shares([filled_keypoints(hand) for hand in hands], clip.object, clip.fps)
+    return held_shares(hands, clip.object, clip.fps)
 
 
 def speed(sequence: Sequence) -> torch.Tensor:
@@ -116,6 +117,17 @@ def test_a_second_hand_that_moves_the_object_counts():
     for hands in ((far, clip.hands[0]), (clip.hands[0], far)):
         both = shares(hands, clip)
         assert (both == shares(clip.hands, clip)).all()
+
+
+@pytest.mark.parametrize("start", [2, 18, 34])
+def test_a_hand_that_is_lost_while_it_holds_shows_no_camera(start):
+    clip = CARRIED
+    assert found(clip) is None
+    observed = torch.ones(clip.frames, dtype=torch.bool)
+    observed[start : start + 15] = False
+    lost = replace(clip, hands=(replace(clip.hands[0], valid=observed),))
+    assert found(lost) is None
+    assert shares(lost.hands, clip).min() > 0.5
 
 
 def test_an_object_whose_poses_are_unreliable_shows_no_motion_of_the_camera():
