@@ -110,9 +110,10 @@ class FittedHand:
         """The hand's track and its measures."""
         fps, state, shaped, subject = self.hand.fps, self.state, self.shaped, self.subject
         joints = self.joints()
-        several = len(self.samples) > 1
-        spread = joint_spread(self.samples, alone=1 - self.evidence) if several else None
         observed = self.hand.track.observed  # the report compares the same frames before and after
+        spread = None
+        if len(self.samples) > 1:
+            spread = joint_spread(self.samples, alone=1 - self.evidence, observed=observed)
         before, apart_before = measure_hand(
             self.given, subject.shaped, self.given_joints, self.surface, fps, observed
         )

@@ -1,10 +1,12 @@
 """Uncertainty: the expected error of cleaned keypoints, from the spread of the samples."""
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from geneoh.denoisers.candidate_corrections import filter_kernels
+from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.sequence.windows import blocks, widened
 
 ERROR_RATIO = 1.5
@@ -14,6 +16,10 @@ ALONE = 3.0
 """Factor on the expected error of a hand that is cleaned without the object, whose samples share
 the unknown error of position. With it, 87 to 98% of the true keypoints of synthetic clips are in
 the 90% radius, depending on the noise, and 51% under camera noise."""
+LOST = 2.0
+"""Growth of the expected error by each second to the nearest frame in which the hand was observed,
+as a share: samples agree on a likely path, which the hand need not have taken. From
+`tools.calibrate_spread lost`."""
 DIFFERENCE_FILTER = 10.0
 """Standard deviation in frames of the Gaussian filter on the samples' differences. Differences that
 change from frame to frame cancel in the mean of the samples and are left out."""
@@ -27,6 +33,7 @@ def joint_spread(
     scale: float = ERROR_RATIO,
     *,
     alone: Float[Tensor, " T"] | None = None,
+    observed: Bool[Tensor, " T"] | None = None,
 ) -> Float[Tensor, "T 21"]:
     """`HandTrack.joint_spread` of the samples' mean, metres.
 
@@ -34,6 +41,7 @@ def joint_spread(
         samples: keypoints of at least two samples, metres.
         scale: ratio of the expected error to the standard deviation over the samples.
         alone: share, 0 to 1, by which each frame was cleaned without the object; 0 by default.
+        observed: frames in which the hand was observed; all by default.
     """
     found, frames = [], samples.shape[1]
     for block in blocks(frames):
@@ -43,4 +51,14 @@ def joint_spread(
         apart = torch.einsum("tu,sukc->stkc", kernel, near - near.mean(0))
         found.append(scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt())
     spread = torch.cat(found)
-    return spread if alone is None else spread * (1 + (ALONE - 1) * alone)[:, None]
+    if alone is not None:
+        spread = spread * (1 + (ALONE - 1) * alone)[:, None]
+    if observed is not None:
+        spread = spread * (1 + LOST * seconds_lost(observed).to(spread))[:, None]
+    return spread
+
+
+def seconds_lost(observed: Bool[Tensor, " T"]) -> Float[Tensor, " T"]:
+    """Time from each frame to the nearest observed one, of which there is one, seconds."""
+    frames = distance_transform_edt(~observed.cpu().numpy())
+    return torch.from_numpy(frames).float() / NETWORK_FPS

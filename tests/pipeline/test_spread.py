@@ -1,7 +1,8 @@
+import pytest
 import torch
 from draws import normal
 
-from geneoh.pipeline.spread import ALONE, DIFFERENCE_FILTER, ERROR_RATIO, joint_spread
+from geneoh.pipeline.spread import ALONE, DIFFERENCE_FILTER, ERROR_RATIO, LOST, joint_spread
 from geneoh.sequence import windows
 
 
@@ -22,6 +23,18 @@ def test_a_hand_that_is_cleaned_by_itself_is_less_sure():
     found = joint_spread(samples, alone=torch.tensor([0.0, 0.5, 1.0]))
     share = torch.tensor([1.0, (1 + ALONE) / 2, ALONE])[:, None]
     torch.testing.assert_close(found, share * joint_spread(samples))
+
+
+@pytest.mark.parametrize("lost", [0, 1, 30])
+def test_a_lost_hand_is_less_sure_the_longer_it_was_not_seen(lost):
+    samples = 0.004 * normal(4, lost + 3, 21, 3)
+    observed = torch.ones(lost + 3, dtype=torch.bool)
+    observed[2 : lost + 2] = False
+    grown = joint_spread(samples, observed=observed) / joint_spread(samples)
+    times = torch.arange(1, lost + 1) / 30
+    share = torch.ones(lost + 3, 1)
+    share[2 : lost + 2] += LOST * torch.minimum(times, times.flip(0))[:, None]
+    torch.testing.assert_close(grown, share.expand(-1, 21))
 
 
 def test_a_common_motion_is_no_disagreement():

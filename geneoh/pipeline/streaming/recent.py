@@ -155,7 +155,9 @@ class RecentHand:
         evidence = near * poses
         state, joints = self._fitted(subject, parameters, target, surface, evidence, first, stop)
         new = slice(self._done - first, stop - first)
-        spread = joint_spread(samples, alone=1 - evidence)[new] if len(samples) > 1 else None
+        spread, seen = None, (subject.trust > 0).any(-1)
+        if len(samples) > 1:
+            spread = joint_spread(samples, alone=1 - evidence, observed=seen)[new]
         made = clean_track(state, joints, subject.betas, self._model.name, spread)
         contact: Sequence[Tensor | None] = [None] * made.frames
         if surface is not None:
