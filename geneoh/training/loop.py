@@ -94,8 +94,12 @@ def train(
             are not finite, or `start_share` is not zero without `start`.
         InputError: the folder cannot be made, or another run of the task is working in it.
     """
-    team = team or Team()
-    check_division(task.config, team)
+    team, config = team or Team(), task.config
+    if (pieces := team.size * config.accumulate) > config.batch:
+        raise ConfigError(
+            f"batch: expected {pieces} windows or more for accumulate={config.accumulate} in "
+            f"{team.size} processes, got {config.batch}; raise it or lower accumulate"
+        )
     with only_run_in(folder, f".{task.name}.lock") if not team.rank else nullcontext():
         return train_alone(task, folder, device=device, start=start, on_step=on_step, team=team)
 
@@ -171,16 +175,6 @@ def restore(state: TrainState, path: Path, task: Task, record: Mapping[str, Any]
         )
 
 
-def check_division(config: RunConfig, team: Team) -> None:
-    """`ConfigError` if a batch would be divided into more pieces than it has samples."""
-    pieces = team.size * config.accumulate
-    if pieces > config.batch:
-        raise ConfigError(
-            f"batch: expected {pieces} windows or more for accumulate={config.accumulate} in "
-            f"{team.size} processes, got {config.batch}; raise it or lower accumulate"
-        )
-
-
 def first_state(
     task: Task, device: torch.device, start: Mapping[str, Tensor] | None = None
 ) -> TrainState:
@@ -211,7 +205,7 @@ def update(
 
     Returns the loss of the batch, and whether any process was interrupted.
     """
-    state.optimizer.zero_grad()
+    state.model.zero_grad(set_to_none=True)
     parts = []
     for piece in pieces:
         part = piece.loss(state.model)

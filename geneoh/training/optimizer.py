@@ -85,11 +85,6 @@ class Optimizer:
                 matrices, lr=config.rate, weight_decay=decay, precision=precision
             )
 
-    def zero_grad(self) -> None:
-        """Clear all gradients."""
-        for part in self.parts.values():
-            part.zero_grad(set_to_none=True)
-
     def step(self, rate: float) -> None:
         """Update all parameters."""
         for part in self.parts.values():

@@ -131,7 +131,7 @@ def test_the_loss_falls(clips, tiny):
 
     before = tested()
     for step in range(100):
-        optimizer.zero_grad()
+        model.zero_grad()
         loss(step).backward()
         optimizer.step(1e-2)
     assert tested() < 0.75 * before
