@@ -99,8 +99,7 @@ def train(
     if seed is not None:
         chosen["settings"] = (*chosen["settings"], f"seed={seed}")
     request = Request(config or ("finetune" if chosen["start"] else stage), **chosen)
-    others = _generator_task if stage in GENERATOR_STAGES else cleaner_task
-    make = _body_task if stage in BODY_STAGES else others
+    make = cleaner_task if stage in STAGES else _generator_task
     with joined(named_device(device)) as (team, place):
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
@@ -181,51 +180,36 @@ def cleaner_task(request: Request, place: Any, on_progress: Any) -> Any:
 
 
 def _generator_task(request: Request, place: Any, on_progress: Any) -> Any:
-    """The training task of a network of the generator, its initial weights, and notes."""
-    from geneoh.generators.text2hoi.learning.stages import Learned
-    from geneoh.generators.text2hoi.learning.stages import generator_task as task_of
-    from geneoh.generators.text2hoi.networks.library import SHIPPED
+    """The training task of a network of a generator, its initial weights, and notes."""
     from geneoh.readers.base import ReaderOptions
-    from geneoh.training.data import parsed_source
+    from geneoh.training.data import Learned, parsed_source
     from geneoh.training.start import weights_for
 
     stage = request.stage
-    # the vocabulary of subwords is learned again, and weights do not fit another vocabulary
-    _refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
-    if stage == "text":
-        _refuse_unused(stage, "sources", "text_encoder", "mano")
-    data = parsed_source(request.only_source(ACTIONS))
+    if stage in BODY_STAGES:
+        from geneoh.generators.both2hands.library import SHIPPED
+        from geneoh.generators.both2hands.stages import body_task as task_of
+
+        _refuse_unused(stage, "mano", *(["text_encoder"] if stage == "body_hands" else []))
+        data = parsed_source(request.only_source(BODIES), BODY_SOURCES)
+        made, of_recordings = "bodies", "skeleton"
+    else:
+        from geneoh.generators.text2hoi.learning.stages import generator_task as task_of
+        from geneoh.generators.text2hoi.networks.library import SHIPPED
+
+        # the vocabulary of subwords is learned again, and weights do not fit another vocabulary
+        alone = ["start", "sources", "text_encoder", "mano"] if stage == "text" else []
+        _refuse_unused(stage, "skeleton", *alone)
+        data = parsed_source(request.only_source(ACTIONS))
+        made, of_recordings = "actions", "mano"
     if not data.source:
-        _refuse_unused(f"{stage} and made actions", "mano")
+        _refuse_unused(f"{stage} and made {made}", of_recordings)
+    folder = SHIPPED if request.start == Path("shipped") else request.start
+    start = folder and folder / f"{stage}.safetensors"
     readers = ReaderOptions(mano_dir=request.mano)
-    learned = Learned(data, request.folder, request.text_encoder, readers)
-    task, notes = task_of(stage, *request.configuration(), learned, on_progress)
-    return task, weights_for(task, weights_to_start_from(request, SHIPPED)), notes
-
-
-def _body_task(request: Request, place: Any, on_progress: Any) -> Any:
-    """The training task of a network for hands of a body, its initial weights, and notes."""
-    from geneoh.generators.both2hands.library import SHIPPED
-    from geneoh.generators.both2hands.stages import LearnedBodies
-    from geneoh.generators.both2hands.stages import body_task as task_of
-    from geneoh.training.data import parsed_source
-    from geneoh.training.start import weights_for
-
-    stage = request.stage
-    _refuse_unused(stage, "mano", *(["text_encoder"] if stage == "body_hands" else []))
-    data = parsed_source(request.only_source(BODIES), BODY_SOURCES)
-    if not data.source:
-        _refuse_unused(f"{stage} and made bodies", "skeleton")
-    start = weights_to_start_from(request, SHIPPED)
-    learned = LearnedBodies(data, request.folder, request.text_encoder, request.skeleton, start)
-    task, notes = task_of(stage, *request.configuration(), learned, on_progress)
+    how = request.folder, request.text_encoder, start, readers, request.skeleton
+    task, notes = task_of(request.stage, *request.configuration(), Learned(data, *how), on_progress)
     return task, weights_for(task, start), notes
-
-
-def weights_to_start_from(request: Request, shipped: Path) -> Path | None:
-    """The file of a network's initial weights; None for random ones."""
-    folder = shipped if request.start == Path("shipped") else request.start
-    return folder and folder / f"{request.stage}.safetensors"
 
 
 def _refuse_unused(stage: Any, *names: str) -> None:

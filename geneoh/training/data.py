@@ -6,7 +6,7 @@ Recordings are split by whole objects, so that training and validation share no 
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -56,6 +56,18 @@ class DataSource:
         """The folder in `cache` for the shards that are cut out of its recordings."""
         digest = hashlib.sha256(str(self.path.resolve()).encode()).hexdigest()[:8]
         return cache / f"{kind}{self.source}_{digest}"
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a network of a generator learns from, and the files that its training starts from."""
+
+    data: DataSource  # a folder of synthetic clips, or recordings
+    folder: Path  # with the networks of earlier stages, and for shards of recordings
+    text_encoder: Path | None = None  # folder of one to use instead of the network's own
+    start: Path | None = None  # weights to start from, whose vocabulary is used
+    readers: ReaderOptions = field(default_factory=ReaderOptions)  # of recorded actions
+    skeleton: Path | None = None  # SMPL-H or SMPL-X model of recorded bodies
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, read_actions
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.shards import find_shards
-from geneoh.training.data import DataSource
+from geneoh.training.data import DataSource, Learned
 from geneoh.training.loop import Progress, trained
 
 NETWORKS = ("text", "contact", "interaction", "refiner")
@@ -239,7 +239,7 @@ def split_clips(
         return concatenated(map(thinned, shards), "B"), ActionData(actions, names), ()
     source = DataSource(options.data, options.dataset)
     readers = ReaderOptions(mano_dir=options.mano)
-    split = action_data(source, options.recorded, folder / "recordings", readers, on_progress)
+    split = action_data(Learned(source, folder, readers=readers), options.recorded, on_progress)
     return thinned(split.training.actions.take(slice(None))), split.validation, split.notes
 
 

@@ -1,7 +1,7 @@
 """Training tasks of the networks of BOTH2Hands, by the stage names of `geneoh train`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import cast
@@ -25,39 +25,31 @@ from geneoh.nn.weights import load_network
 from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
-from geneoh.training.data import DataSource, TrainingData, made_data
+from geneoh.training.data import Learned, TrainingData, made_data
 from geneoh.training.run_config import stage_config
 
 
-@dataclass(frozen=True)
-class LearnedBodies:
-    """The training data, and the files that training starts from."""
-
-    data: DataSource  # a folder of synthetic bodies, or recordings
-    folder: Path  # with the networks of earlier stages
-    text_encoder: Path | None = None  # external encoder for the text network, instead of its own
-    skeleton: Path | None = None  # SMPL-H or SMPL-X model of recorded bodies
-    start: Path | None = None  # weights to start from, whose vocabulary is used
-
-    def gestures(self, stage: BodyStage, on_progress: OnProgress | None) -> TrainingData[Gestures]:
-        """The clips; of recordings only those with sentences, unless the stage needs none."""
-        source, path = self.data.source, self.data.path
-        if source:
-            return recorded_gestures(
-                cast(BodySource, source),
-                path,
-                model=self.skeleton,
-                with_text=stage != "body_hands",
-                on_step=on_progress and partial(on_progress, source),
-            )
+def gesture_data(
+    learned: Learned, stage: BodyStage, on_progress: OnProgress | None
+) -> TrainingData[Gestures]:
+    """The clips; of recordings only those with sentences, unless the stage needs none."""
+    source, path = learned.data.source, learned.data.path
+    if not source:
         return made_data(path, read_gestures, DEFAULTS)
+    return recorded_gestures(
+        cast(BodySource, source),
+        path,
+        model=learned.skeleton,
+        with_text=stage != "body_hands",
+        on_step=on_progress and partial(on_progress, source),
+    )
 
 
 def body_task(
     stage: BodyStage,
     config: Path | None,
     settings: Sequence[str],
-    learned: LearnedBodies,
+    learned: Learned,
     on_progress: OnProgress | None = None,
 ) -> tuple[HandsTask, tuple[str, ...]]:
     """The task of `geneoh train --stage` and notes on its data; `settings` override the file.
@@ -72,7 +64,7 @@ def body_task(
         ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
     """
     chosen = stage_config(Both2HandsConfig(), stage, config, settings)
-    data = learned.gestures(stage, on_progress)
+    data = gesture_data(learned, stage, on_progress)
     folder, text_encoder = learned.folder, learned.text_encoder
     tokenizer, branches = None, None
     if stage == "body_hands":

@@ -29,26 +29,24 @@ from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
 from geneoh.synthesis.actions.action import Actions
-from geneoh.training.data import DataSource, TrainingData, made_data
+from geneoh.training.data import Learned, TrainingData, made_data
 from geneoh.training.recordings import files_of, written_shards
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
 
 def action_data(
-    data: DataSource,
-    config: RecordedConfig,
-    cache: Path,
-    options: ReaderOptions,
-    on_progress: OnProgress | None = None,
+    learned: Learned, config: RecordedConfig, on_progress: OnProgress | None = None
 ) -> TrainingData[ActionData]:
-    """Synthetic actions of a folder, or those of recordings, whose shards lie in folder `cache`.
+    """Synthetic actions of a folder, or those of recordings, whose shards are kept in the folder
+    of the networks.
 
     Raises:
         InputError: there are no actions, or files cannot be read.
         ConfigError: the source has no labels of actions, or there are settings of recordings for
             synthetic actions.
     """
+    data = learned.data
     if not data.source:
         if config != RecordedConfig():
             raise ConfigError(
@@ -65,9 +63,9 @@ def action_data(
     return recorded_actions(
         source,
         data.path,
-        data.shards_in(cache, "actions_"),
+        data.shards_in(learned.folder / "recordings", "actions_"),
         config,
-        options,
+        learned.readers,
         on_step=on_progress and partial(on_progress, source),
     )
 

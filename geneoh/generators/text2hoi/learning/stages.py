@@ -1,38 +1,19 @@
 """Training tasks of the networks of Text2HOI, by the stage names of `geneoh train`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 from geneoh.choices import GeneratorStage
 from geneoh.generators.text2hoi.learning.action_data import action_data
-from geneoh.generators.text2hoi.learning.recorded import RecordedConfig
-from geneoh.generators.text2hoi.learning.samples import ActionData, Text2HoiConfig
+from geneoh.generators.text2hoi.learning.samples import Text2HoiConfig
 from geneoh.generators.text2hoi.learning.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.learning.training import ActionTask, LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.networks.library import conditioned_network, load_text_encoder
 from geneoh.progress import OnProgress
-from geneoh.readers.base import ReaderOptions
-from geneoh.training.data import DataSource, TrainingData
+from geneoh.training.data import Learned
 from geneoh.training.run_config import stage_config
 from geneoh.training.tasks import Task
-
-
-@dataclass(frozen=True)
-class Learned:
-    """The training data, and the files that training starts from."""
-
-    data: DataSource  # a folder of synthetic actions, or recordings with labels
-    folder: Path  # with the networks of earlier stages, and for shards of recordings
-    text_encoder: Path | None = None  # folder of one to use instead of that in `folder`
-    readers: ReaderOptions = field(default_factory=ReaderOptions)
-
-    def actions(
-        self, config: RecordedConfig, on_progress: OnProgress | None
-    ) -> TrainingData[ActionData]:
-        """The training data; shards of recordings are kept in the folder."""
-        cache = self.folder / "recordings"
-        return action_data(self.data, config, cache, self.readers, on_progress)
 
 
 def generator_task(
@@ -59,7 +40,7 @@ def generator_task(
         lengths = stage_config(LengthTrainConfig(), stage, config, settings)
         encoder = load_text_encoder(learned.text_encoder, learned.folder)
         lengths = replace(lengths, length=replace(lengths.length, text=encoder.width))
-        data = learned.actions(lengths.recorded, on_progress)
+        data = action_data(learned, lengths.recorded, on_progress)
         return LengthTask(lengths, data, encoder), data.notes
     chosen = stage_config(Text2HoiConfig(), stage, config, settings)
     encoder = load_text_encoder(learned.text_encoder, learned.folder)
@@ -73,5 +54,5 @@ def generator_task(
         contact = conditioned_network("contact", learned.folder, encoder)
     if stage == "refiner":
         interaction = conditioned_network("interaction", learned.folder, encoder)
-    data = learned.actions(chosen.recorded, on_progress)
+    data = action_data(learned, chosen.recorded, on_progress)
     return ActionTask(stage, chosen, data, encoder, contact, interaction), data.notes

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from geneoh.generators.text import Reading, TextConfig, TextNetwork
-from geneoh.generators.text2hoi.learning.stages import Learned, generator_task
+from geneoh.generators.text2hoi.learning.stages import generator_task
 from geneoh.generators.text2hoi.learning.text_training import (
     KINDS,
     TextTask,
@@ -14,7 +14,7 @@ from geneoh.generators.text2hoi.learning.text_training import (
 )
 from geneoh.generators.text2hoi.networks.library import TextModel, load_text_encoder
 from geneoh.generators.text2hoi.sentences.captions import Sentences
-from geneoh.training.data import DataSource
+from geneoh.training.data import DataSource, Learned
 from geneoh.training.loop import train
 from geneoh.training.processes import Team
 
