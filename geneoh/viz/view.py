@@ -1,10 +1,13 @@
 """Look at a result from Python: as a page in the browser, a picture, a film or another file."""
 
+import html
 import logging
+import sys
 import tempfile
 import webbrowser
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +38,12 @@ from geneoh.readers.bodies.read import own_body
 from geneoh.readers.npz.files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import DEFAULT_LOOK, Look
-from geneoh.viz.notebook import is_in_notebook, show_below_cell
 from geneoh.viz.outputs import USED_BY, check_scene_outputs, lacking, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
 LOG = logging.getLogger(__name__)
+CELL_HEIGHT = 720  # of the frame around a page below the cell of a notebook, pixels
 
 Viewable = Result | Sequence | Path | str  # in memory, or an npz file
 
@@ -132,6 +135,24 @@ def view(
     else:
         webbrowser.open(page.as_uri())
     return page
+
+
+def is_in_notebook() -> bool:
+    """Whether the code runs in a cell of a Jupyter notebook, such as in VS Code or Colab."""
+    ipython = sys.modules.get("IPython")
+    if ipython is None or "spyder_kernels" in sys.modules:  # Spyder's console shows no pages
+        return False
+    return hasattr(ipython.get_ipython(), "kernel")
+
+
+def show_below_cell(page: Path) -> None:
+    """Show a page below the running cell; the notebook then holds it, and needs no file."""
+    display = import_module("IPython.display")
+    text = html.escape(page.read_text("utf-8"))
+    frame = (
+        f'<iframe srcdoc="{text}" width="100%" height="{CELL_HEIGHT}" style="border: 0"></iframe>'
+    )
+    display.display(display.HTML(f"<div>{frame}</div>"))
 
 
 def _refuse_others(given: Any, name: str) -> None:

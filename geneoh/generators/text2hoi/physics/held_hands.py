@@ -148,7 +148,7 @@ def new_hold(
     grasp that is not firm by itself, and one on the side away from the other hand. None if no grasp
     passes the checks of the training data.
     """
-    copies = torch.zeros(GRASPS_TRIED, dtype=torch.long)
+    copies = [0] * GRASPS_TRIED
     objects, beside_each = solids.take(copies, "B"), beside.take(copies, "B")
     side = torch.nn.functional.normalize(drawn.wrist, dim=-1)
     toward = side.expand(GRASPS_TRIED, -1)
@@ -172,7 +172,7 @@ def new_grasps(
 ) -> tuple[HeldHands, Bool[Tensor, " N"]]:
     """New grasps of one object from N directions, and which of them pass the checks."""
     grasps = synthesize_grasps(
-        solids.take(torch.zeros(len(toward), dtype=torch.long), "B"),
+        solids.take([0] * len(toward), "B"),
         mean_offsets().expand(len(toward), -1, -1),
         GRASPS,
         generator=generator,

@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.generators.sampling import smoothed_clips
-from geneoh.generators.text2hoi.physics.resting import touching_hands
+from geneoh.generators.text2hoi.physics.resting import touching_hands, with_hands_at
 from geneoh.geometry.rigid import Rigid
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.motions.object_motion import minimum_jerk
 
@@ -129,10 +128,7 @@ def with_joint(
     rows, frames = torch.arange(len(part))[:, None, None], torch.arange(part.shape[2])
     turn, shift = change.rotation[rows, frames, part], change.translation[rows, frames, part]
     wrist = (turn @ actions.wrist[..., None])[..., 0] + shift
-    orient = matrix_to_axis_angle(turn @ axis_angle_to_matrix(actions.pose[..., 0, :]))
-    pose = torch.cat([orient[..., None, :], actions.pose[..., 1:, :]], -2)
-    there = actions.hands[:, :, None, None]
-    return replace(moved, wrist=wrist * there, pose=pose * there[..., None]).ended()
+    return with_hands_at(moved, wrist, turn)
 
 
 def rigid_part(actions: Actions, part: int) -> Actions:

@@ -45,8 +45,8 @@ class PartTask:
     def costs(self, hands: HeldHands, drawn: HeldHands) -> Float[Tensor, " N"]:
         """Costs of N hands in place of a sampled one; infinite for those that touch the part with
         fewer than `FEWEST_PADS` pads."""
-        pads, copies = hands.pads, torch.zeros(len(hands.wrist), dtype=torch.long)
-        part = self.around.take([0], "S").take(copies, "B")
+        pads = hands.pads
+        part = self.around.take([0], "S").take([0] * len(pads), "B")
         gap, normal = part.distance_and_normal(pads)
         touching = gap.abs() < PAD_TOUCH
         weight = touching.float()[..., None]
@@ -82,7 +82,7 @@ class PartTask:
     def _depth(
         self, centers: Float[Tensor, "N K 3"], radii: Float[Tensor, "N K"]
     ) -> Float[Tensor, " N"]:
-        copies = torch.zeros(len(centers), dtype=torch.long)
+        copies = [0] * len(centers)
         deep = radii - self.around.take(copies, "B").signed_distance(centers)
         for end in (0, -1):  # of the hold: in between the joint moves in one direction
             table = self.tables.take([end], "B").take(copies, "B")
@@ -111,7 +111,7 @@ def best_hold(
     toward = torch.stack([side, task.out]).repeat(HOLDS_TRIED // 2, 1)
     number = torch.arange(HOLDS_TRIED)
     tables = task.tables.take([0, -1], "B").take(number % 2, "B")
-    other = None if task.other is None else task.other.take(torch.zeros_like(number), "B")
+    other = task.other and task.other.take([0] * HOLDS_TRIED, "B")
     new, _ = new_grasps(task.around, toward, Obstacles(tables, other), generator)
     found = concatenated([held, new], "N")
     costs = task.costs(found, drawn)

@@ -176,14 +176,15 @@ def with_object_motion(
     change = rotation @ actions.rotation.mT
     apart = actions.wrist - actions.translation[:, None]
     wrist = (change[:, None] @ apart[..., None])[..., 0] + translation[:, None]
-    turn = change[:, None] @ axis_angle_to_matrix(actions.pose[..., 0, :])
-    pose = torch.cat([matrix_to_axis_angle(turn)[..., None, :], actions.pose[..., 1:, :]], -2)
+    moved = replace(actions, rotation=rotation, translation=translation, joint=joint)
+    return with_hands_at(moved, wrist, change[:, None])
+
+
+def with_hands_at(
+    actions: Actions, wrist: Float[Tensor, "B 2 T 3"], turn: Float[Tensor, "B _ T 3 3"]
+) -> Actions:
+    """The same actions with other wrist positions, and hands turned by a rotation in the world."""
+    orient = matrix_to_axis_angle(turn @ axis_angle_to_matrix(actions.pose[..., 0, :]))
+    pose = torch.cat([orient[..., None, :], actions.pose[..., 1:, :]], -2)
     there = actions.hands[:, :, None, None]
-    return replace(
-        actions,
-        rotation=rotation,
-        translation=translation,
-        joint=joint,
-        wrist=wrist * there,
-        pose=pose * there[..., None],
-    ).ended()
+    return replace(actions, wrist=wrist * there, pose=pose * there[..., None]).ended()

@@ -123,12 +123,8 @@ def settled_pose(
     object, the table and the other hand.
     """
     tried = hold[torch.linspace(0, len(hold) - 1, 2 * POSES_TRIED + 1).long()[1::2]]
-    copies = torch.zeros(POSES_TRIED, dtype=torch.long)
-    start, beside, solids = (
-        hand.take(tried, "N"),
-        beside.take(copies, "B"),
-        solids.take(copies, "B"),
-    )
+    copies, start = [0] * POSES_TRIED, hand.take(tried, "N")
+    beside, solids = beside.take(copies, "B"), solids.take(copies, "B")
     start = replace(start, wrist=start.wrist + shifts_out_of_table(start, beside.table))
     if beside.other is not None:
         start = moved_out_of(start, beside.other)
