@@ -17,7 +17,6 @@ from torch import Tensor
 
 import geneoh
 from geneoh.baselines.filters import TUNED, smooth
-from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.fitting.twist import turned_about_bones
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import rest_offsets
@@ -27,9 +26,10 @@ from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt, ornstein_uhlenbeck, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.shapes.scans import Scans, read_folder
-from tools.noisy_objects.clips import EXAMPLES, RECORDING, clip_of, scans_of
+from geneoh.synthesis.shapes.scans import read_folder
+from tools.noisy_objects.clips import EXAMPLES, RECORDING, clip_of, made_clips, scans_of
 
+FRAMES = 120  # of a made clip
 Error = Callable[[HandTrack, torch.Generator], HandTrack]
 
 
@@ -238,14 +238,9 @@ def clips_of(count: int, seeds: int) -> dict[str, list[Sequence]]:
     scans = scans_of(objects, objects.held_out)
     return {
         "recording": [clip_of(RECORDING)] * seeds,
-        "made": made_clips(SynthesisConfig().held_out, count),
-        "scanned": made_clips(scans.names, count, scans),
+        "made": made_clips(SynthesisConfig().held_out, count, 3000, FRAMES),
+        "scanned": made_clips(scans.names, count, 3000, FRAMES, scans),
     }
-
-
-def made_clips(names: tuple[str, ...], count: int, scans: Scans | None = None) -> list[Sequence]:
-    """Clips of four seconds, by family or scan in turn."""
-    return [draw_clip(names[n % len(names)], 3000 + n, 120, scans) for n in range(count)]
 
 
 def cell(name: str, error: Error, clips: list[Sequence], options: geneoh.Options) -> str:

@@ -16,14 +16,13 @@ import geneoh
 from geneoh.baselines.filters import TUNED, Domain, filtered
 from geneoh.bundle import concatenated
 from geneoh.choices import FilterKind
-from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import RADIUS_90
 from geneoh.pipeline.streaming.stream import Stream
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
-from tools.noisy_objects.clips import RECORDING, clip_of
+from tools.noisy_objects.clips import RECORDING, clip_of, made_clips
 
 FILTERS: tuple[tuple[FilterKind, Domain], ...] = (
     ("savgol", "keypoints"),
@@ -46,11 +45,7 @@ def main() -> None:
     parser.add_argument("--made-only", action="store_true", help="leave out the recording")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    families = SynthesisConfig().common
-    made = [
-        draw_clip(families[index % len(families)], 2000 + index, args.frames)
-        for index in range(args.clips)
-    ]
+    made = made_clips(SynthesisConfig().common, args.clips, 2000, args.frames)
     recorded = [] if args.made_only else [clip_of(RECORDING)[: args.frames]]
     for title, clips in (("recording", recorded), ("made clips", made)):
         if not clips:

@@ -20,26 +20,23 @@ from geneoh.sequence.noise import corrupt
 from geneoh.sequence.sequence import HandTrack
 from geneoh.synthesis.attempts import synthesize_shard
 from geneoh.synthesis.data_config import SynthesisConfig
-from geneoh.synthesis.shapes.families import FAMILIES
 
 FPS = 30.0
 CLIPS, FRAMES = 32, 120
 """Number of validation clips and their length: enough for the best size to be stable."""
 
 
-def validation_hands(count: int = CLIPS, frames: int = FRAMES) -> list[HandTrack]:
+def validation_hands() -> list[HandTrack]:
     """Clean hands of synthetic interactions that are in no test and no training."""
-    config = SynthesisConfig(count=count, frames=frames, points=1, shard=count)
-    families = [family for family in FAMILIES if family not in config.held_out]
-    generator = seeded_generator("tuning")
-    made = synthesize_shard(config, families, generator=generator)
+    config = SynthesisConfig(count=CLIPS, frames=FRAMES, points=1, shard=CLIPS)
+    made = synthesize_shard(config, config.common, generator=seeded_generator("tuning"))
     joints, _ = forward_kinematics(
         axis_angle_to_matrix(made.pose), made.wrist, made.offsets[:, None]
     )
-    valid = torch.ones(frames, dtype=torch.bool)
+    valid = torch.ones(FRAMES, dtype=torch.bool)
     return [
         HandTrack("right", valid, joints=joints[i], pose=made.pose[i], wrist=made.wrist[i])
-        for i in range(count)
+        for i in range(CLIPS)
     ]
 
 
@@ -56,13 +53,13 @@ def noisy_pairs(
 
 
 def tuned(
-    pairs: Sequence[tuple[HandTrack, HandTrack]], kind: FilterKind, domain: Domain, fps: float = FPS
+    pairs: Sequence[tuple[HandTrack, HandTrack]], kind: FilterKind, domain: Domain
 ) -> tuple[Filter, float]:
     """The size of one kind of filter with the least mean error in metres, and that error."""
 
     def error(chosen: Filter) -> float:
         misses = [
-            float((filtered(noisy, chosen, domain, fps) - clean.joints).norm(dim=-1).mean())
+            float((filtered(noisy, chosen, domain, FPS) - clean.joints).norm(dim=-1).mean())
             for clean, noisy in pairs
             if clean.joints is not None
         ]

@@ -74,12 +74,12 @@ def hands_from_near(
 
 
 def _layers(surface: DrawnSurface | None, camera: Camera, size: tuple[int, int]) -> list[_Layer]:
-    """The layer of a surface in a list; an empty list for None."""
-    return [] if surface is None else [_lit(surface, camera, size)]
+    """The rasterised surface with lighting per vertex, in a list; an empty list for None.
 
-
-def _lit(surface: DrawnSurface, camera: Camera, size: tuple[int, int]) -> _Layer:
-    """The rasterised surface with lighting per vertex; back faces are lit like front faces."""
+    Back faces are lit like front faces.
+    """
+    if surface is None:
+        return []
     screen = camera.project(surface.verts, size)
     raster = rasterise(screen, surface.faces, size)
     normal = vertex_normals(surface.verts, surface.faces) @ camera.axes.T.astype(np.float32)
@@ -91,7 +91,7 @@ def _lit(surface: DrawnSurface, camera: Camera, size: tuple[int, int]) -> _Layer
     shine = SHINE * np.clip(normal @ half, 0, 1) ** 24
     shown = np.column_stack([surface.colours * light[:, None] + shine[:, None], surface.position])
     values = at_pixels(raster, screen, surface.faces, shown.astype(np.float32))
-    return _Layer(raster, values[:, :3], values[:, 3])
+    return [_Layer(raster, values[:, :3], values[:, 3])]
 
 
 def _unit(direction: object) -> Float[np.ndarray, " 3"]:

@@ -38,9 +38,9 @@ WEB_Q, WEB_DIP = 0.5, 0.06
 """Place of the web line along the first phalanx, and how much it falls back between two fingers."""
 
 
-def place_vertices(topology: HandTopology, offsets: FloatArray | None = None) -> FloatArray:
+def place_vertices(topology: HandTopology) -> FloatArray:
     """Vertices (V, 3) of the whole hand in the rest pose, mm, wrist joint at the origin."""
-    bones = skeleton() if offsets is None else skeleton(offsets)
+    bones = skeleton()
     tubes = digits(bones)
     surface = partial(hand_distance, bones=bones, tubes=tubes)
     verts = np.zeros((topology.count, 3))
@@ -62,11 +62,6 @@ def _exit(distance: DistanceField, origins: FloatArray, directions: FloatArray) 
     low, high = values[row, np.maximum(first - 1, 0)], values[row, first]
     part = np.where(first > 0, low / np.minimum(low - high, -1e-9), 0.0)
     return origins + ((np.maximum(first - 1, 0) + part) * STEP)[:, None] * directions
-
-
-def _entry(distance: DistanceField, origins: FloatArray, directions: FloatArray) -> FloatArray:
-    """First point of each ray inside the solid."""
-    return _exit(lambda points: -distance(points), origins, directions)
 
 
 def _row_centres(bones: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:
@@ -113,7 +108,8 @@ def _place_palm(
         origin = edge[rows, column]
         verts[topology.side[rows, column]] = _exit(hand, origin, np.tile(way, (len(origin), 1)))
     start, end = (_between(tubes, q) for q in (0.9, 0.0))
-    verts[topology.webs] = _entry(surface, start, end - start)
+    # where the rays enter the hand
+    verts[topology.webs] = _exit(lambda points: -surface(points), start, end - start)
     _round_cap(topology, verts)
 
 
@@ -172,9 +168,7 @@ def _ring_direction(frame: FloatArray, side: float, thumb: bool) -> FloatArray:
     )
 
 
-def _even_out(
-    topology: HandTopology, verts: FloatArray, surface: DistanceField, rounds: int = 16
-) -> FloatArray:
+def _even_out(topology: HandTopology, verts: FloatArray, surface: DistanceField) -> FloatArray:
     """Moves palm, finger bases and thumb base along the surface until they are evenly spaced."""
     free = np.zeros(topology.count, dtype=bool)
     free[topology.dorsal[1:-2]] = free[topology.palmar[1:-2]] = True
@@ -189,7 +183,7 @@ def _even_out(
     total[a, b] = total[b, a] = 1.0
     total /= total.sum(1, keepdims=True)
     verts = verts.copy()
-    for _ in range(rounds):
+    for _ in range(16):
         move = (total @ verts - verts)[free]
         slope = _gradient(surface, verts[free])
         move -= slope * (move * slope).sum(1, keepdims=True)
@@ -198,8 +192,8 @@ def _even_out(
     return verts
 
 
-def _gradient(distance: DistanceField, points: FloatArray, step: float = 0.05) -> FloatArray:
+def _gradient(distance: DistanceField, points: FloatArray) -> FloatArray:
     """Unit outward direction (P, 3) by central differences."""
-    shift = step * np.eye(3)
+    shift = 0.05 * np.eye(3)  # mm
     slope = np.stack([distance(points + s) - distance(points - s) for s in shift], -1)
     return slope / np.linalg.norm(slope, axis=-1, keepdims=True)

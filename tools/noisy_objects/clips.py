@@ -87,22 +87,26 @@ def scans_of(found: MeshFolder, names: Collection[str]) -> Scans:
 def clip_of(name: str) -> Sequence:
     """The recording, or a made clip of a family or a scan, changed as the name says; bottles have
     no cap."""
-    if name.startswith(SHAKEN):
-        return shaken(clip_of(name.removeprefix(SHAKEN)))
-    if name.startswith(BESIDE):
-        return beside(clip_of(name.removeprefix(BESIDE)))
-    if name.startswith(HOVERING):
-        return hovering(clip_of(name.removeprefix(HOVERING)))
-    if name.startswith(FILMED):
-        return filmed(clip_of(name.removeprefix(FILMED)))
-    if name.startswith(TRACKED):
-        return tracked(clip_of(name.removeprefix(TRACKED)))
+    for prefix, changed in CHANGES.items():
+        if name.startswith(prefix):
+            return changed(clip_of(name.removeprefix(prefix)))
     if name == RECORDING:
         return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
     whole = made.object
     body = ObjectTrack(whole.meshes[:1], whole.rotation[:, :1], whole.translation[:, :1])
     return replace(made, object=body)
+
+
+def made_clips(
+    names: list[str] | tuple[str, ...],
+    count: int,
+    first: int,
+    frames: int,
+    scans: Scans | None = None,
+) -> list[Sequence]:
+    """Clips of families or scans in turn, numbered from `first`, which seeds each."""
+    return [draw_clip(names[n % len(names)], first + n, frames, scans) for n in range(count)]
 
 
 def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -> Sequence:
@@ -167,6 +171,9 @@ def beside(sequence: Sequence, off: float = OFF, start: float = 0.0) -> Sequence
         if float(surface.query(joints).distance.amin(-1).median()) >= off:
             break
     return replace(sequence, hands=(replace(hand, joints=joints, wrist=hand.wrist + shift),))
+
+
+CHANGES = {SHAKEN: shaken, BESIDE: beside, HOVERING: hovering, FILMED: filmed, TRACKED: tracked}
 
 
 @cache
