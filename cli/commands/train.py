@@ -86,6 +86,8 @@ def train(
     those of the generators nearly the same: torchrun --nproc-per-node 2 --no-python -- geneoh train
     --stage motion. With --device cuda each has a GPU.
     """
+    from functools import partial
+
     import torch
 
     from geneoh.nn.devices import named_device
@@ -113,7 +115,7 @@ def train(
                 folder,
                 device=place,
                 start=weights,
-                on_step=lambda now: on_progress(stage, now.step, now.steps),
+                on_step=partial(on_progress, stage),
                 team=team,
             )
         say(f"wrote {path}")

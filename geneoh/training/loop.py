@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +14,12 @@ from geneoh.errors import CheckpointError, ConfigError
 from geneoh.files.journal import only_run_in
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
+from geneoh.progress import OnStep
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.processes import Team, noted_interrupts
 from geneoh.training.resume import TrainState, refuse_other_run, run_record, write_log
 from geneoh.training.run_config import RunConfig
 from geneoh.training.tasks import MicroBatch, Task
-
-
-@dataclass(frozen=True)
-class Progress:
-    """The progress of a run, passed to `on_step` after each step."""
-
-    step: int
-    steps: int
-    loss: float
-    error_left: float | None
-    """Validation error (`Task.validate`); None between validations."""
 
 
 def learning_rate(step: int, config: RunConfig) -> float:
@@ -76,7 +65,7 @@ def train(
     *,
     device: torch.device,
     start: Mapping[str, Tensor] | None = None,
-    on_step: Callable[[Progress], None] | None = None,
+    on_step: OnStep | None = None,
     team: Team | None = None,
 ) -> Path:
     """Train a network and return the path of its weights, `folder`/NAME.safetensors.
@@ -121,7 +110,7 @@ def train_alone(
     *,
     device: torch.device,
     start: Mapping[str, Tensor] | None,
-    on_step: Callable[[Progress], None] | None,
+    on_step: OnStep | None,
     team: Team,
 ) -> Path:
     """Train in a folder that is locked for this run; see `train`."""
@@ -140,7 +129,7 @@ def train_alone(
         while state.step < config.steps:
             began = time.monotonic()
             task.before_step(state)
-            taken, stopped = update(state, next(upcoming), config, team, interrupted)
+            stopped = update(state, next(upcoming), config, team, interrupted)
             last = state.step == config.steps
             validates = last or state.step % config.validate_every == 0
             left = validate(state, task, team, device) if validates else None
@@ -153,7 +142,7 @@ def train_alone(
             if saves and not team.rank:
                 save_checkpoint(state_path, state.to_checkpoint(record))
             if on_step is not None:
-                on_step(Progress(state.step, config.steps, taken, left))
+                on_step(state.step, config.steps)
             if stopped and not last:
                 raise KeyboardInterrupt
     path = folder / f"{task.name}.safetensors"
@@ -200,11 +189,9 @@ def update(
     config: RunConfig,
     team: Team,
     interrupted: Callable[[], bool],
-) -> tuple[float, bool]:
-    """Take one step of the optimiser and update the averaged weights.
-
-    Returns the loss of the batch, and whether any process was interrupted.
-    """
+) -> bool:
+    """Take one step of the optimiser and update the averaged weights; whether any process was
+    interrupted."""
     state.model.zero_grad(set_to_none=True)
     parts = []
     for piece in pieces:
@@ -224,7 +211,7 @@ def update(
     update_average(state, config.ema)
     state.step += 1
     state.recent.append(taken.item())
-    return taken.item(), bool(stop)
+    return bool(stop)
 
 
 @torch.no_grad()

@@ -8,6 +8,7 @@ from made_actions import WordEncoder, made_actions
 from made_bodies import SKELETON, made_motion, tiny_networks
 from made_networks import TINY, answering
 from made_tasks import ALL_STAGES, made_task
+from stage_runs import heard_losses
 
 from geneoh.generators.both2hands import on_body
 from geneoh.generators.both2hands import sampling as hands
@@ -36,9 +37,9 @@ def test_a_network_learns_and_is_validated_alike_on_every_device(
     monkeypatch.setattr(loop, "quick_precision", lambda device: torch.float32)
 
     def run(place):
-        heard = []
-        train(made_task(stage), tmp_path / place.type, device=place, on_step=heard.append)
-        return [step.loss for step in heard] + [heard[-1].error_left]
+        with heard_losses() as (losses, errors):
+            train(made_task(stage), tmp_path / place.type, device=place)
+        return [*losses, errors[-1]]
 
     assert run(training_device) == pytest.approx(run(CPU), rel=1e-3)
 

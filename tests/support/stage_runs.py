@@ -1,10 +1,14 @@
 """Runs of the stages of the cleaner, as tests start and stop them."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
-from geneoh.training.loop import Progress, train
+from geneoh.progress import OnStep
+from geneoh.training import loop
+from geneoh.training.loop import train
 from geneoh.training.stages import StageTask
 
 
@@ -20,11 +24,31 @@ class Interrupted(Exception):
     """What `stop_after` raises."""
 
 
-def stop_after(step: int) -> Callable[[Progress], None]:
+def stop_after(step: int) -> OnStep:
     """Ends a run after so many steps, without its state being saved."""
 
-    def listen(progress: Progress) -> None:
-        if progress.step == step:
+    def listen(done: int, total: int) -> None:
+        if done == step:
             raise Interrupted
 
     return listen
+
+
+@contextmanager
+def heard_losses() -> Iterator[tuple[list[float], list[float]]]:
+    """The loss of each step, and the error of each validation, of the runs in a block."""
+    losses: list[float] = []
+    errors: list[float] = []
+    update, validate = loop.update, loop.validate
+
+    def heard_update(state, *given):
+        stopped = update(state, *given)
+        losses.append(state.recent[-1])
+        return stopped
+
+    def heard_validate(*given):
+        errors.append(validate(*given))
+        return errors[-1]
+
+    with mock.patch.multiple(loop, update=heard_update, validate=heard_validate):
+        yield losses, errors

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from stage_runs import train_stage
+from stage_runs import heard_losses, train_stage
 from torch.distributed.run import parse_args as torchrun
 
 from geneoh.errors import ConfigError
@@ -93,14 +93,13 @@ def together(count, task, *arguments) -> list:
 
 def run(team, stage, config, clips, folder, stop_after=None) -> list[float]:
     """Train, and the losses of the steps; Ctrl-C in the last process after a step, if asked for."""
-    losses = []
 
-    def listen(progress):
-        losses.append(progress.loss)
-        if progress.step == stop_after and team.rank == team.size - 1:
+    def listen(done, total):
+        if done == stop_after and team.rank == team.size - 1:
             os.kill(os.getpid(), signal.SIGINT)
 
-    train_stage(stage, config, clips, clips, folder, device=CPU, on_step=listen, team=team)
+    with heard_losses() as (losses, _):
+        train_stage(stage, config, clips, clips, folder, device=CPU, on_step=listen, team=team)
     return losses
 
 

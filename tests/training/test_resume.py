@@ -35,8 +35,8 @@ def test_a_run_is_continued_with_more_steps(tmp_path, clips, tiny):
 
 def test_a_second_run_of_a_stage_is_kept_out_of_a_folder(tmp_path, clips, tiny):
     def meanwhile(stage):
-        def begin(progress):
-            if progress.step == 1:
+        def begin(done, total):
+            if done == 1:
                 train_stage(stage, replace(tiny, seed=1), clips, clips, tmp_path, device=CPU)
 
         return begin

@@ -7,7 +7,7 @@ import pytest
 import torch
 from draws import seeded
 from safetensors.torch import load_file
-from stage_runs import train_stage
+from stage_runs import heard_losses, train_stage
 
 from geneoh.bundle import concatenated
 from geneoh.errors import InputError
@@ -65,10 +65,10 @@ def test_a_run_on_shards_is_the_run_on_their_clips_in_memory(
     assert len(data.training.shards) > 2
     short, losses, weights = replace(tiny, steps=2), [], []
     for name, change in (("shards", lambda data: data), ("memory", in_memory)):
-        heard, both = [], (change(data.training), change(data.validation))
-        out = tmp_path / name
-        path = train_stage("motion", short, *both, out, device=CPU, on_step=heard.append)
-        losses.append([(step.loss, step.error_left) for step in heard])
+        both = change(data.training), change(data.validation)
+        with heard_losses() as heard:
+            path = train_stage("motion", short, *both, tmp_path / name, device=CPU)
+        losses.append(heard)
         weights.append(load_file(path))
     assert losses[0] == losses[1]
     assert all(torch.equal(tensor, weights[1][name]) for name, tensor in weights[0].items())

@@ -57,7 +57,7 @@ from geneoh.synthesis.action_shards import DEFAULTS, action_shard, read_actions
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.shards import find_shards
 from geneoh.training.data import DataSource, Learned
-from geneoh.training.loop import Progress, trained
+from geneoh.training.loop import trained
 
 NETWORKS = ("text", "contact", "interaction", "refiner")
 CLASSIFIERS = 5  # with different seeds: small differences under a single one may be accidental
@@ -120,7 +120,7 @@ def evaluate_generator(
     validation = held_out.actions.take(slice(None))
     tasks = classifier_tasks(options, training, validation, len(held_out.verb_words))
     models = [
-        trained(task, folder / name, on_step=told_training(on_progress, name))
+        trained(task, folder / name, on_step=on_progress and partial(on_progress, name))
         for name, task in tasks.items()
     ]
     count = min(options.limit, len(validation.verb))
@@ -290,10 +290,3 @@ def about_repetitions(settings: dict[str, Any]) -> str:
         f"means over {settings['repetitions']} repetitions, each with a random half of them as "
         "conditions, ± 95% intervals over other clips like these; FID is that to the other half."
     )
-
-
-def told_training(on_progress: OnProgress | None, name: str) -> Callable[[Progress], None] | None:
-    """An `on_step` of training that passes its progress on to `on_progress` under a name."""
-    if on_progress is None:
-        return None
-    return lambda done: on_progress(name, done.step, done.steps)

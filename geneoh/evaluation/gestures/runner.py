@@ -14,7 +14,7 @@ from geneoh.body.motion import BodyMotion
 from geneoh.bundle import spread
 from geneoh.choices import BODY_STAGES, STEPS
 from geneoh.evaluation.generation.report import GenerationReport
-from geneoh.evaluation.generation.runner import about_repetitions, row_generator, told_training
+from geneoh.evaluation.generation.runner import about_repetitions, row_generator
 from geneoh.evaluation.generation.scores import CLIPS, REAL, REPETITIONS, repeat
 from geneoh.evaluation.gestures.encoder import (
     POOL,
@@ -95,7 +95,7 @@ def evaluate_gestures(
     training, held_out = (read_gestures(options.data, split) for split in ("train", "val"))
     networks = load_both2hands(options.weights)
     task = EncoderTask(options.encoder, training, held_out)
-    model = trained(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
+    model = trained(task, folder / FOLDER, on_step=on_progress and partial(on_progress, FOLDER))
     chosen = conditions(options, task, model)
     real = chosen.real
     seen = Seen.of(real), task.seen
