@@ -167,28 +167,6 @@ def _spray(u: Draw) -> Drawn:
     ]
 
 
-RIGID_FAMILIES: dict[str, Family] = {
-    "box": lambda u: [
-        Shape(BOX, (u(0.01, 0.08), u(0.01, 0.06), u(0.01, 0.05)), rounding=u(0.001, 0.005))
-    ],
-    "board": lambda u: [Shape(BOX, (u(0.05, 0.11), u(0.03, 0.08), u(0.003, 0.008)))],
-    "cylinder": lambda u: [rod(u(0.01, 0.045), u(0.02, 0.10), rounding=u(0.001, 0.005))],
-    "capsule": lambda u: [rod(r := u(0.006, 0.025), u(0.04, 0.12), rounding=0.98 * r)],
-    "ellipsoid": lambda u: [Shape(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))],
-    "ring": lambda u: [torus(u(0.02, 0.06), u(0.004, 0.014))],
-    "ball": lambda u: [Shape(ELLIPSOID, (r := u(0.015, 0.06), r, r))],
-    "coin": lambda u: [rod(u(0.012, 0.045), u(0.0015, 0.006), rounding=0.001)],
-    "phone": lambda u: [
-        Shape(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)
-    ],
-    "pen": lambda u: [round_rod(u(0.0035, 0.007), u(0.05, 0.09))],
-    "carton": lambda u: [Shape(BOX, (u(0.05, 0.15), u(0.04, 0.12), u(0.03, 0.1)))],
-    "mouse": lambda u: [Shape(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))],
-    **named(_mug, _hammer, _pan, _knife, _loop_tool, _cluster, _bowl, _plate, _spoon, _brush),
-    **named(_screwdriver, _kettle, _wine_glass, _spray),
-}
-
-
 def _bottle(u: Draw) -> Drawn:
     r, h = u(0.025, 0.04), u(0.05, 0.09)
     neck, cap = u(0.4, 0.5) * r, u(0.012, 0.02)
@@ -279,17 +257,30 @@ def _plunger(u: Draw) -> Drawn:
     return solids, PartJoint((0.0, 0.0, 1.0), (-opened, 0.08 - opened), slides=True)
 
 
-JOINTED_FAMILIES = named(_bottle, _scissors, _pliers, _laptop, _chest, _drawer, _matchbox, _plunger)
-
-_ORDER = """
-    box board cylinder capsule ellipsoid ring mug hammer bottle pan knife loop_tool cluster ball
-    coin phone pen carton bowl plate spoon brush screwdriver scissors pliers laptop chest drawer
-    kettle wine_glass mouse spray matchbox plunger
-"""
-"""The order of the families; another order would change all synthetic data."""
 FAMILIES: dict[str, Family] = {
-    name: (RIGID_FAMILIES | JOINTED_FAMILIES)[name] for name in _ORDER.split()
+    "box": lambda u: [
+        Shape(BOX, (u(0.01, 0.08), u(0.01, 0.06), u(0.01, 0.05)), rounding=u(0.001, 0.005))
+    ],
+    "board": lambda u: [Shape(BOX, (u(0.05, 0.11), u(0.03, 0.08), u(0.003, 0.008)))],
+    "cylinder": lambda u: [rod(u(0.01, 0.045), u(0.02, 0.10), rounding=u(0.001, 0.005))],
+    "capsule": lambda u: [rod(r := u(0.006, 0.025), u(0.04, 0.12), rounding=0.98 * r)],
+    "ellipsoid": lambda u: [Shape(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))],
+    "ring": lambda u: [torus(u(0.02, 0.06), u(0.004, 0.014))],
+    **named(_mug, _hammer, _bottle, _pan, _knife, _loop_tool, _cluster),
+    "ball": lambda u: [Shape(ELLIPSOID, (r := u(0.015, 0.06), r, r))],
+    "coin": lambda u: [rod(u(0.012, 0.045), u(0.0015, 0.006), rounding=0.001)],
+    "phone": lambda u: [
+        Shape(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)
+    ],
+    "pen": lambda u: [round_rod(u(0.0035, 0.007), u(0.05, 0.09))],
+    "carton": lambda u: [Shape(BOX, (u(0.05, 0.15), u(0.04, 0.12), u(0.03, 0.1)))],
+    **named(_bowl, _plate, _spoon, _brush, _screwdriver),
+    **named(_scissors, _pliers, _laptop, _chest, _drawer, _kettle, _wine_glass),
+    "mouse": lambda u: [Shape(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))],
+    **named(_spray, _matchbox, _plunger),
 }
+"""All families by name; another order would change all synthetic data."""
+JOINTED_FAMILIES = named(_bottle, _scissors, _pliers, _laptop, _chest, _drawer, _matchbox, _plunger)
 
 
 def family_named(name: str) -> Family:
