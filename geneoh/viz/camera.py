@@ -167,8 +167,7 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
 
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
     """Camera targets in the world: the mean keypoint, shifted towards the object's centre."""
-    hands = [hand for version in scene.versions for hand in version.hands]
-    seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
+    seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in scene.hands]
     centre = torch.cat(seen, dim=1).nanmean(1).numpy()
     frames, there = np.arange(scene.frames), np.isfinite(centre).all(1)
     middle = _middles(scene.object) if scene.object.meshes else None
@@ -200,18 +199,13 @@ def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:
 def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
     """Radius with which a camera of these axes sees the hands around the targets, metres."""
     sizes = [float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes] or [0.0]
-    return MARGIN * max(_whole(_hands(scene), targets, axes), min(max(sizes), MAX_OBJECT))
-
-
-def _hands(scene: Scene) -> Iterator[Seen]:
-    """The hands of all versions."""
-    for hand in (hand for version in scene.versions for hand in version.hands):
-        yield hand.verts, hand.valid
+    hands = [(hand.verts, hand.valid) for hand in scene.hands]
+    return MARGIN * max(_whole(hands, targets, axes), min(max(sizes), MAX_OBJECT))
 
 
 def _all(scene: Scene) -> Iterator[Seen]:
     """The hands of all versions, and the outline of each part of the object."""
-    yield from _hands(scene)
+    yield from ((hand.verts, hand.valid) for hand in scene.hands)
     motion = scene.object
     for part, mesh in enumerate(motion.meshes):
         verts = mesh.some_verts(OUTLINE)

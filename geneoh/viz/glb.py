@@ -40,13 +40,14 @@ NO_BULGE = 1e-5
 class _Document:
     """A glTF document that is being built: its JSON tables and its one binary buffer."""
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: Float[np.ndarray, " T"]) -> None:
         self.tables: dict[str, list[Any]] = {
             name: []
             for name in ("accessors", "bufferViews", "meshes", "nodes", "materials", "skins")
         }
         self.animation: dict[str, list[Any]] = {"channels": [], "samplers": []}
         self.binary = bytearray()
+        self.times = self.accessor(seconds)
 
     def add(self, table: str, entry: dict[str, Any]) -> int:
         """Append an entry to a table; its index."""
@@ -74,11 +75,14 @@ class _Document:
         }
         return self.add("accessors", entry)
 
-    def animate(self, node: int, path: str, times: int, values: int, how: str = "LINEAR") -> None:
-        """Make a property of a node follow keyframes."""
+    def animate(
+        self, node: int, path: str, values: Float[np.ndarray, "T ..."], how: str = "LINEAR"
+    ) -> None:
+        """Make a property of a node follow its values in all frames."""
+        sampler = {"input": self.times, "output": self.accessor(values), "interpolation": how}
         channels, samplers = self.animation.values()
         channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-        samplers.append({"input": times, "output": values, "interpolation": how})
+        samplers.append(sampler)
 
     def to_bytes(self, scene_nodes: list[int], title: str) -> bytes:
         """The finished GLB container."""
@@ -100,12 +104,10 @@ class _Document:
 
 def glb_bytes(scene: Scene, look: Look = DEFAULT_LOOK) -> bytes:
     """The GLB of the last version; the look says which axis of the world becomes glTF's y."""
-    document, version = _Document(), scene.versions[-1]
-    seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
-    times = document.accessor(seconds)
-    hands = [_add_hand(document, hand, times) for hand in version.hands]
+    document, version = _Document(np.arange(scene.frames) / scene.fps), scene.versions[-1]
+    hands = [_add_hand(document, hand) for hand in version.hands]
     children = [wrist for _, wrist in hands]
-    children += [_add_part(document, scene, i, times) for i in range(len(scene.object.meshes))]
+    children += [_add_part(document, scene, i) for i in range(len(scene.object.meshes))]
     turn = torch.from_numpy(turn_to_y_up(look.upward)).float()
     w, x, y, z = matrix_to_quat_wxyz(turn).tolist()
     root = document.add("nodes", {"name": "world", "rotation": [x, y, z, w], "children": children})
@@ -146,7 +148,7 @@ def _add_mesh(
     return document.add("nodes", {"name": name, "mesh": document.add("meshes", mesh)})
 
 
-def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, int]:
+def _add_hand(document: _Document, hand: PosedTrack) -> tuple[int, int]:
     """Nodes of a hand's mesh and of its rig's wrist; frames without the hand have scale zero."""
     shaped, rotations = hand.model.shaped(hand.betas), axis_angle_to_matrix(hand.pose)
     bulges, shares, rest = _bulges(hand.model, pose_features(rotations))
@@ -154,7 +156,7 @@ def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, i
     node = _add_mesh(document, f"{hand.side} hand", verts, faces, SKIN_COLOUR)
     mesh = document.tables["meshes"][-1]
     (primitive,) = mesh["primitives"]
-    joints = _add_joints(document, hand, shaped, rotations, times)
+    joints = _add_joints(document, hand, shaped, rotations)
     document.tables["nodes"][node]["skin"] = _add_skin(document, joints, shaped)
     primitive["attributes"] |= _skin_weights(document, hand.model)
     if len(bulges):
@@ -162,7 +164,7 @@ def _add_hand(document: _Document, hand: PosedTrack, times: int) -> tuple[int, i
             {"POSITION": document.accessor(bulge.numpy(), ARRAY_BUFFER)} for bulge in bulges
         ]
         mesh["weights"] = shares[0].tolist()
-        document.animate(node, "weights", times, document.accessor(shares.flatten().numpy()))
+        document.animate(node, "weights", shares.flatten().numpy())
     return node, joints[0]
 
 
@@ -202,11 +204,7 @@ def _bulges(
 
 
 def _add_joints(
-    document: _Document,
-    hand: PosedTrack,
-    shaped: ShapedHand,
-    rotations: Float[Tensor, "T 16 3 3"],
-    times: int,
+    document: _Document, hand: PosedTrack, shaped: ShapedHand, rotations: Float[Tensor, "T 16 3 3"]
 ) -> list[int]:
     """The nodes of a hand's joints, in MANO order, each of which turns in its parent's frame."""
     nodes: list[int] = []
@@ -218,13 +216,12 @@ def _add_joints(
         if parent >= 0:
             document.tables["nodes"][nodes[parent]].setdefault("children", []).append(nodes[-1])
         if len(turns) > 1:
-            document.animate(nodes[-1], "rotation", times, document.accessor(turns))
+            document.animate(nodes[-1], "rotation", turns)
     if len(hand.wrist) > 1:
-        document.animate(nodes[0], "translation", times, document.accessor(hand.wrist.numpy()))
+        document.animate(nodes[0], "translation", hand.wrist.numpy())
     valid = hand.valid.numpy()
     if not valid.all():
-        size = np.repeat(valid.astype(np.float32)[:, None], 3, 1)
-        document.animate(nodes[0], "scale", times, document.accessor(size), "STEP")
+        document.animate(nodes[0], "scale", np.repeat(valid[:, None] * 1.0, 3, 1), "STEP")
     return nodes
 
 
@@ -237,7 +234,7 @@ def _xyzw(quat_wxyz: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
     return quat[:, [1, 2, 3, 0]]
 
 
-def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
+def _add_part(document: _Document, scene: Scene, part: int) -> int:
     """A part of the object that moves as it does in the world."""
     mesh = scene.object.meshes[part]
     verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
@@ -248,6 +245,6 @@ def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
         "rotation": quat_xyzw[0].tolist(),
         "translation": translation[0].tolist(),
     }
-    document.animate(node, "rotation", times, document.accessor(quat_xyzw))
-    document.animate(node, "translation", times, document.accessor(translation))
+    document.animate(node, "rotation", quat_xyzw)
+    document.animate(node, "translation", translation)
     return node

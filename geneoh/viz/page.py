@@ -120,7 +120,7 @@ def _asset(name: str) -> str:
 
 def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict[str, Any]:
     """All that the viewer reads; large arrays are replaced by their place in the block of bytes."""
-    points = [hand.verts for version in scene.versions for hand in version.hands]
+    points = [hand.verts for hand in scene.hands]
     points += [drawn.flatten(0, 1) for drawn in scene.samples.values()]
     box = _Box.around(torch.cat([point.reshape(-1, 3) for point in points]), 1e-3)
     seen = cameras(scene, up)

@@ -105,6 +105,11 @@ class Scene:
         """Number of frames T."""
         return len(self.object.rotation)
 
+    @property
+    def hands(self) -> list[PosedTrack]:
+        """The hands of all versions."""
+        return [hand for version in self.versions for hand in version.hands]
+
     def means(self, version: Version) -> dict[str, float]:
         """The means of a version over the frames of the input that have its hands, as the report
         has them; over all its frames with a hand if those are unknown."""
@@ -148,15 +153,13 @@ class Scene:
     @property
     def has_object(self) -> bool:
         """Whether there is a mesh besides the limbs of a body, against which hands are measured."""
-        hands = (hand for version in self.versions for hand in version.hands)
-        measured = any(hand.distance_of is not None for hand in hands)
+        measured = any(hand.distance_of is not None for hand in self.hands)
         return measured and len(self.object.meshes) > len(self.limbs)
 
     def shows(self, colouring: Colouring) -> bool:
         """Whether there is data for a colouring: expected errors for "spread", else an object."""
         if colouring == "spread":
-            hands = [hand for version in self.versions for hand in version.hands]
-            return any(hand.joint_spread is not None for hand in hands)
+            return any(hand.joint_spread is not None for hand in self.hands)
         return colouring != "plain" and self.has_object
 
     def object_verts(self, part: int, frame: int) -> Float[Tensor, "V 3"]:
