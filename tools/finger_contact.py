@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 from torch import Tensor
 
+from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import CASE_NOISES, NOISES, Dataset
 from geneoh.evaluation.cases import Case, find_cases
 from geneoh.evaluation.options import EvaluationOptions
@@ -44,7 +45,7 @@ START = (0.1, 0.002, 0.001)
 
 
 @dataclass(frozen=True)
-class Contacts:
+class Contacts(Bundle):
     """Distances of fingers to the object of the input, the result and the truth, metres."""
 
     given: Float[Tensor, "T 5"]
@@ -92,18 +93,16 @@ def calibrate() -> Iterator[str]:
             every.append(compared(clean, noisy, index))
     share, least, nearer = constants(every)
     yield f"SPREAD_SHARE, LEAST_SPREAD, NEARER = {share:.2f}, {least:.4f}, {nearer:.4f}"
-    tips = torch.cat([each.spread for each in every])
-    yield f"USUAL_SPREAD = {float(tips.median()):.3f}"
+    yield f"USUAL_SPREAD = {float(concatenated(every).spread.median()):.3f}"
 
 
 def constants(every: list[Contacts]) -> tuple[float, float, float]:
     """`SPREAD_SHARE`, `LEAST_SPREAD` and `NEARER` under which contacts are most probable."""
-    found = torch.cat([each.found for each in every])
-    spread = torch.cat([each.spread for each in every])
-    touching = torch.cat([each.touching for each in every]).double()
+    all_of = concatenated(every)
 
     def surprise(tried: tuple[float, float, float]) -> float:
-        probable = touch.finger_touch(found, spread, *tried).double()
+        probable = touch.finger_touch(all_of.found, all_of.spread, *tried).double()
+        touching = all_of.touching.double()
         return float(torch.nn.functional.binary_cross_entropy(probable, touching))
 
     share, least, nearer = minimize(surprise, START, method="Nelder-Mead").x
@@ -132,16 +131,15 @@ def table(seeds: int) -> Iterator[str]:
 
 def row(every: list[Contacts]) -> str:
     """The numbers of a line."""
-    touching = torch.cat([each.touching for each in every])
-    probable = torch.cat([each.probability for each in every])
+    all_of = concatenated(every)
+    touching, probable = all_of.touching, all_of.probability
 
-    def score(contact: Bool[Tensor, "N 5"]) -> str:
+    def score(contact: Bool[Tensor, "T 5"]) -> str:
         return f"{float(contact_agreement(contact, touching).f_score):.2f}"
 
     share = float(touching.float().mean())
     missed = float((probable - touching.float()).square().mean())
-    meshes = (torch.cat([each.given for each in every]), torch.cat([each.found for each in every]))
-    scores = [score(distance <= TOUCH) for distance in meshes]
+    scores = [score(distance <= TOUCH) for distance in (all_of.given, all_of.found)]
     numbers = [f"{share:.2f}", *scores, score(probable > 0.5), f"{missed:.3f}"]
     return " | ".join([*numbers, f"{share * (1 - share):.3f}"])
 

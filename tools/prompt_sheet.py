@@ -8,18 +8,18 @@ networks never learned from.
 
 import argparse
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from PIL import Image
+from torch import Tensor
 
-from geneoh.generators.text2hoi.generate import Generated, GenerateOptions, generate
+from geneoh.generators.text2hoi.generate import GenerateOptions, generate
 from geneoh.geometry.mesh_files import load_mesh
 from geneoh.metrics.realism import SurfacePoints, moved_alone
-from geneoh.sequence.sequence import Sequence
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas
 from geneoh.viz.scene import Scene, make_scene
 from tools.action_sheet import CELL, FRAMES, WORDS, camera_on, on_table, paste_frames
@@ -38,44 +38,34 @@ PROMPTS = (
 LINES = "sentence | seconds | frames | depth, mm | deepest, mm | moved alone, % | at rest, mm/frame"
 
 
-@dataclass(frozen=True)
-class Row:
-    """One sentence and what was made of it."""
-
-    sentence: str
-    made: Generated
-    seconds: float  # from sentence and mesh in memory to the interaction
-
-    @property
-    def sequence(self) -> Sequence:
-        """The interaction."""
-        return self.made.sequence
+def points_of(scene: Scene, step: int) -> Float[Tensor, "T P 3"]:
+    """Every `step`-th vertex of the object's first mesh in the world."""
+    motion = scene.object
+    verts = motion.meshes[0].verts[::step]
+    return verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]
 
 
-def measured(row: Row, scene: Scene) -> str:
-    """The measures of a row as a line of a table, in the order of `LINES`.
+def measured(scene: Scene, seconds: float) -> str:
+    """The measures of an interaction as a line of a table, in the order of `LINES`.
 
-    Depth is that of the deepest vertex, as a mean over frames and hands; "moved alone" is the share
-    of the object's moving frames in which no keypoint is within 2 cm of it; "at rest" is the
-    largest speed of wrists and object in the first and the last frame.
+    It was made in `seconds` from sentence and mesh in memory. Depth is that of the deepest vertex,
+    as a mean over frames and hands; "moved alone" is the share of the object's moving frames in
+    which no keypoint is within 2 cm of it; "at rest" is the largest speed of wrists and object in
+    the first and the last frame.
     """
-    sequence, hands = row.sequence, scene.versions[0].hands
+    hands, frames = scene.hands, scene.frames
     depth = torch.stack([hand.measures.depth.clamp(min=0) for hand in hands])
-    motion = sequence.object
-    verts = motion.meshes[0].verts[:: max(1, len(motion.meshes[0].verts) // 2048)]
-    points = verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]
-    surface = SurfacePoints(
-        points[None], torch.zeros_like(points)[None], torch.tensor([sequence.frames])
-    )
+    points = points_of(scene, max(1, len(scene.object.meshes[0].verts) // 2048))
+    surface = SurfacePoints(points[None], torch.zeros_like(points)[None], torch.tensor([frames]))
     joints = torch.cat([hand.joints for hand in hands], 1)[None]
     alone = float(moved_alone(joints, surface).nan_to_num())
-    paths = [hand.joints[:, 0] for hand in hands] + [motion.translation[:, 0]]
+    paths = [hand.joints[:, 0] for hand in hands] + [scene.object.translation[:, 0]]
     speeds = [path[[1, -1]] - path[[0, -2]] for path in paths]
     rest = float(torch.stack(speeds).norm(dim=-1).max())
     cells = (
-        row.sentence,
-        f"{row.seconds:.1f}",
-        f"{sequence.frames}",
+        scene.title,
+        f"{seconds:.1f}",
+        f"{frames}",
         f"{1000 * float(depth.mean()):.1f}",
         f"{1000 * float(depth.max()):.1f}",
         f"{100 * alone:.0f}",
@@ -84,21 +74,19 @@ def measured(row: Row, scene: Scene) -> str:
     return " | ".join(cells)
 
 
-def prompt_sheet(rows: list[tuple[Row, Scene]]) -> np.ndarray:
+def prompt_sheet(scenes: list[Scene]) -> np.ndarray:
     """A row of frames for each sentence, with the sentence in front of them."""
     height = CELL + CAPTION_HEIGHT
-    canvas = Canvas(WORDS + CELL * FRAMES, height * len(rows))
-    for index, (row, scene) in enumerate(rows):
-        lines = wrap(row.sentence, 16, break_long_words=False)
+    canvas = Canvas(WORDS + CELL * FRAMES, height * len(scenes))
+    for index, scene in enumerate(scenes):
+        lines = wrap(scene.title, 16, break_long_words=False)
         for line, words in enumerate(lines):
             canvas.write(words, 8, index * height + 20 + 20 * line, size=14)
-        seconds = f"{row.sequence.frames / row.sequence.fps:.1f} s"
+        seconds = f"{scene.frames / scene.fps:.1f} s"
         canvas.write(seconds, 8, index * height + 26 + 20 * len(lines), size=13, colour=FAINT)
-        motion = scene.object
-        verts = motion.meshes[0].verts[::4]
-        points = [(verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]).flatten(0, 1)]
-        points += [hand.joints.flatten(0, 1) for hand in scene.versions[0].hands]
-        camera = camera_on(torch.cat(points), motion.translation[:, 0])
+        points = [points_of(scene, 4), *(hand.joints for hand in scene.hands)]
+        seen = torch.cat([each.flatten(0, 1) for each in points])
+        camera = camera_on(seen, scene.object.translation[:, 0])
         paste_frames(canvas, on_table(scene), camera, scene.frames, index * height)
     return canvas.picture()
 
@@ -113,17 +101,17 @@ def main() -> None:
     parser.add_argument("--objects", type=Path, default=Path("examples/objects"))
     args = parser.parse_args()
     options = GenerateOptions(seed=args.seed, refine=args.refine, weights=args.weights)
-    rows = []
+    scenes = []
     print(LINES)
     for sentence, name in PROMPTS:
         mesh = load_mesh(args.objects / f"{name}.ply")
         began = time.monotonic()
-        row = Row(sentence, generate(sentence, mesh, options), time.monotonic() - began)
-        scene = make_scene({sentence: row.sequence})
-        print(measured(row, scene), flush=True)
-        rows.append((row, scene))
+        made = generate(sentence, mesh, options)
+        seconds = time.monotonic() - began
+        scenes.append(make_scene({sentence: made.sequence}))
+        print(measured(scenes[-1], seconds), flush=True)
     # 128 colours take a third of the bytes
-    Image.fromarray(prompt_sheet(rows)).quantize(128).save(args.output, optimize=True)
+    Image.fromarray(prompt_sheet(scenes)).quantize(128).save(args.output, optimize=True)
 
 
 if __name__ == "__main__":
