@@ -197,14 +197,6 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
     return replace(hand, joints=joints, pose=pose, wrist=wrist)
 
 
-def sequence_of(
-    hands: list[HandTrack], motion: ObjectTrack, fps: float, source: str, notes: Iterable[str]
-) -> Sequence:
-    """A sequence of the observed hands, with the notes in `source`."""
-    words = "; ".join(dict.fromkeys(notes))
-    return Sequence(tuple(hands), motion, fps, f"{source} ({words})" if words else source)
-
-
 def stretch_of(sequence: Sequence, span: slice) -> Sequence:
     """The sequence cut to a slice of frames, without hands that are observed in none of them."""
     part = sequence[span]

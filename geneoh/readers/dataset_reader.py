@@ -5,7 +5,7 @@ into a `DatasetReader`, which also holds the source's convention, frame rate and
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -105,8 +105,9 @@ class DatasetReader:
         notes = [*about_object, *parts.notes, *about_time, *about_meshes, *about_hands]
         cameras, about_cameras = _callers_cameras(parts, options, clock, where)
         notes += about_cameras
-        sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
-        sequence = replace(sequence, camera_to_world=cameras)
+        words = "; ".join(dict.fromkeys(notes))
+        source = f"{parts.source} ({words})" if words else parts.source
+        sequence = Sequence(tuple(hands), motion, rate, source, camera_to_world=cameras)
         refuse_other_frames(where, sequence, checks)
         camera: Any = parts.camera if options.camera is None else options.camera
         if camera is None and parts.camera_poses is not None:
