@@ -17,7 +17,8 @@ from geneoh.readers.joint_orders import openpose_order
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 
-OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""From the camera's axes of OpenGL to those of OpenCV."""
 
 reads_metas = reads(
     "meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",)
@@ -60,9 +61,11 @@ def parts_of(
     name = object_name(records)
     folder = options.objects or base.ancestor(clip.path, 2) / "models"
     motion = transforms.rigid_matrices(turn, field(records, "objTrans", frames, 3))
-    checks = base.CrossChecks({side: own @ OPENCV_FROM_OPENGL for side, own in joints.items()})
+    checks = base.CrossChecks(
+        {side: own @ OPENCV_FROM_OPENGL[:3, :3] for side, own in joints.items()}
+    )
     meshes = {f"ho3d_{name}": find_mesh([folder / name / "textured_simple.obj"], name)}
-    motion = to_opencv(frames) @ motion
+    motion = OPENCV_FROM_OPENGL @ motion
     return base.ClipParts(f"{title} {clip.name}", hands, meshes, motion, cross_checks=checks)
 
 
@@ -76,16 +79,9 @@ def hand_of(
     betas = betas[np.isfinite(betas).all(1)]
     places = field(records, f"{prefix}Trans", frames, 3)
     stored = builders.joints_if_complete(joints, pose)
-    about = {"joints": stored, "to_world": to_opencv(frames)}
+    about = {"joints": stored, "to_world": np.tile(OPENCV_FROM_OPENGL, (frames, 1, 1))}
     mean = betas.mean(0) if len(betas) else None
     return base.ManoParameters(side, pose, places, mean, **about)
-
-
-def to_opencv(frames: int) -> Array:
-    """(T, 4, 4) from the camera's axes of OpenGL to those of OpenCV."""
-    matrices = np.tile(np.eye(4), (frames, 1, 1))
-    matrices[:, :3, :3] = OPENCV_FROM_OPENGL
-    return matrices
 
 
 def field(records: dict[int, Record], name: str, frames: int, count: int) -> Array:
