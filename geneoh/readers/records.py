@@ -105,10 +105,10 @@ class Record:
 
     def side_by_side(self, **widths: int) -> Array:
         """(T, N) fields concatenated by columns; arguments are the fields' names and widths."""
-        shapes: dict[str, list[Shape]] = {name: [("T", width)] for name, width in widths.items()}
-        for name, width in widths.items():
-            shapes[name] += [("T",)] * (width == 1)
-        arrays = [self.array(name, *shapes[name]).reshape(-1, widths[name]) for name in widths]
+        arrays = [
+            self.array(name, ("T", width), *[("T",)] * (width == 1)).reshape(-1, width)
+            for name, width in widths.items()
+        ]
         self.refuse_lengths(*widths)
         return np.concatenate(arrays, axis=1)
 
