@@ -103,17 +103,10 @@ def measure_frames(
     """Measure one hand in each frame, by its vertices' distances to the object, world frame."""
     tips = joints[:, list(TIP_KEYPOINTS)]
     fingers = tips_in_contact(distance, verts, tips).sum(-1).to(distance)
-    inner = torch.zeros_like(valid)
-    inner[1:-1] = valid_differences(valid, 2)
     accelerated = torch.full_like(fingers, torch.nan)
-    accelerated[inner] = in_mm_per_frame_squared(acceleration(joints, fps), fps)[inner[1:-1]]
-    return FrameMeasures(
-        valid=valid,
-        touching=in_contact(distance) & valid,
-        depth=penetration_depth(distance).where(valid, torch.nan),
-        fingers=fingers.where(valid, torch.nan),
-        acceleration=accelerated,
-    )
+    accelerated[1:-1] = in_mm_per_frame_squared(acceleration(joints, fps), fps)
+    depth, touching = penetration_depth(distance), in_contact(distance)
+    return FrameMeasures(valid, touching, depth, fingers, accelerated).counted(valid)
 
 
 def near_hand(
