@@ -32,52 +32,52 @@ SAME_JOINTS = 1e-4  # tolerance in metres within which pose parameters reproduce
 
 @dataclass(frozen=True)
 class Measure:
-    """One number of a score, a mean over frames."""
+    """One number of a score."""
 
     key: str  # name in the files
     title: str  # name in the tables
     unit: str
+    better: Literal["less", "more", "as real"]
     meaning: str = ""  # description below the tables; without it, the measure is in the files only
     digits: int = 1  # digits after the point in the tables
 
-    @property
-    def better(self) -> Literal["less", "more"]:
-        """Whether small or large values are good: large ones for percentages."""
-        return "more" if self.unit == "%" else "less"
-
 
 MEASURES = (
-    Measure("mpjpe_mm", "MPJPE", "mm", "mean distance of the keypoints to the truth"),
-    Measure("mpvpe_mm", "MPVPE", "mm", "mean distance of the vertices to the truth"),
-    Measure("within_spread_pct", "in 90% radius", "%"),
+    Measure("mpjpe_mm", "MPJPE", "mm", "less", "mean distance of the keypoints to the truth"),
+    Measure("mpvpe_mm", "MPVPE", "mm", "less", "mean distance of the vertices to the truth"),
+    Measure("within_spread_pct", "in 90% radius", "%", "more"),
     Measure(
-        *("contact_iou_pct", "C-IoU", "%"),
+        *("contact_iou_pct", "C-IoU", "%", "more"),
         "overlap of the contact map on the object with the true one",
     ),
-    Measure("contact_iou_verts_pct", "C-IoU by distance", "%"),
-    Measure("tips_precision_pct", "tip contact precision", "%"),
-    Measure("tips_recall_pct", "tip contact recall", "%"),
-    Measure("tips_f_pct", "tip F", "%", "F-score of which fingertips touch and when"),
-    Measure("proximity_mm", "prox.", "mm", "error of the vertices' distances to the object"),
+    Measure("contact_iou_verts_pct", "C-IoU by distance", "%", "more"),
+    Measure("tips_precision_pct", "tip contact precision", "%", "more"),
+    Measure("tips_recall_pct", "tip contact recall", "%", "more"),
+    Measure("tips_f_pct", "tip F", "%", "more", "F-score of which fingertips touch and when"),
     Measure(
-        *("acceleration_error_mm", "acc. err.", "mm/f²"),
+        "proximity_mm", "prox.", "mm", "less", "error of the vertices' distances to the object"
+    ),
+    Measure(
+        *("acceleration_error_mm", "acc. err.", "mm/f²", "less"),
         "error of the keypoints' acceleration, a frame squared",
     ),
-    Measure("volume_cm3", "IV", "cm³", "volume that hand and object share", 2),
-    Measure("depth_mm", "depth", "mm", "depth of each frame's deepest vertex in the object", 2),
+    Measure("volume_cm3", "IV", "cm³", "less", "volume that hand and object share", 2),
     Measure(
-        *("consistency_mm2", "consist.", "mm²"),
+        "depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex in the object", 2
+    ),
+    Measure(
+        *("consistency_mm2", "consist.", "mm²", "less"),
         "motion of the hand against the object where they are nearest",
     ),
     Measure(
-        *("slip_mm_s", "tip slip", "mm/s"),
+        *("slip_mm_s", "tip slip", "mm/s", "less"),
         "speed at which touching fingertips slide over the object",
     ),
     Measure(
-        *("acceleration_mm", "accel.", "mm/f²"),
+        *("acceleration_mm", "accel.", "mm/f²", "less"),
         "mean size of the keypoints' acceleration, a frame squared",
     ),
-    Measure("jerk_m_s3", "jerk", "m/s³"),
+    Measure("jerk_m_s3", "jerk", "m/s³", "less"),
 )
 """Definitions: `geneoh.metrics`. The measures from IV on need no ground truth."""
 

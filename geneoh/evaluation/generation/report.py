@@ -8,8 +8,9 @@ from typing import Any
 import torch
 
 from geneoh.bundle import show_text
-from geneoh.evaluation.generation.scores import MEASURES, Column, RowScores
+from geneoh.evaluation.generation.scores import MEASURES, RowScores
 from geneoh.evaluation.report import made_with
+from geneoh.evaluation.scores import Measure
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import is_ours, keep_others
 from geneoh.files.text import csv_text, json_text
@@ -27,7 +28,7 @@ class GenerationReport:
     command: str
     rows: dict[str, RowScores]
     about: tuple[str, ...]  # remarks below the table
-    measures: tuple[Column, ...] = MEASURES
+    measures: tuple[Measure, ...] = MEASURES
 
     _repr_pretty_ = show_text
 
@@ -122,7 +123,7 @@ def _table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
         yield name, [_shown(cells[measure.key], measure) for measure in report.measures]
 
 
-def _shown(cell: Interval, measure: Column) -> str:
+def _shown(cell: Interval, measure: Measure) -> str:
     """Mean and half interval with the measure's digits; n/a for NaN."""
     if cell.mean != cell.mean:
         return "n/a"

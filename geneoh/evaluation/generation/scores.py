@@ -7,7 +7,7 @@ also have a Fréchet distance, between their halves, which is the best that a ro
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float, Int
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.evaluation.generation.measures import ClipMeasures
+from geneoh.evaluation.scores import Measure
 from geneoh.metrics.features import (
     Interval,
     diversity,
@@ -31,31 +32,19 @@ CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the tables."""
-
-    key: str  # name in the files
-    title: str
-    unit: str
-    better: Literal["more", "less", "as real"]
-    meaning: str
-    digits: int = 2
-
-
 MEASURES = (
-    Column(
-        "accuracy", "top-3", "%", "more", "clips whose verb is among the classifier's best 3", 1
+    Measure("accuracy", "top-3", "%", "more", "clips whose verb is among the classifier's best 3"),
+    Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
+    Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features", 2),
+    Measure("multimodality", "mm.", "", "as real", "the same of 20 pairs with each verb", 2),
+    Measure("realism", "realism", "%", "more", "frames in which contacts can carry the object"),
+    Measure("moved_alone", "alone", "%", "less", "moving frames with no keypoint within 2 cm"),
+    Measure("depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex, mean", 2),
+    Measure("deepest_mm", "deepest", "mm", "less", "the same, largest of a clip"),
+    Measure("contact", "contact", "%", "as real", "frames with skin at most 5 mm off the object"),
+    Measure(
+        "acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of the keypoints", 2
     ),
-    Column("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
-    Column("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
-    Column("multimodality", "mm.", "", "as real", "the same of 20 pairs with each verb"),
-    Column("realism", "realism", "%", "more", "frames in which contacts can carry the object", 1),
-    Column("moved_alone", "alone", "%", "less", "moving frames with no keypoint within 2 cm", 1),
-    Column("depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex, mean"),
-    Column("deepest_mm", "deepest", "mm", "less", "the same, largest of a clip", 1),
-    Column("contact", "contact", "%", "as real", "frames with skin at most 5 mm off the object", 1),
-    Column("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of the keypoints"),
 )
 
 

@@ -9,8 +9,9 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS
-from geneoh.evaluation.generation.scores import ClipFeatures, Column
+from geneoh.evaluation.generation.scores import ClipFeatures
 from geneoh.evaluation.gestures.encoder import POOL, GestureEncoder, Seen
+from geneoh.evaluation.scores import Measure
 from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval
@@ -19,15 +20,19 @@ from geneoh.synthesis.actions.action import FPS
 from geneoh.synthesis.gestures.clips import Gestures
 
 MEASURES = (
-    Column("top1", "R@1", "%", "more", f"sentences that find their clip among {POOL}", 1),
-    Column("top2", "R@2", "%", "more", "the same among the best 2", 1),
-    Column("top3", "R@3", "%", "more", "the same among the best 3", 1),
-    Column("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
-    Column("mm_distance", "MM-dist.", "", "less", "mean distance of a sentence to its clip"),
-    Column("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
-    Column("multimodality", "MMod.", "", "more", "the same of pairs with one body and sentence"),
-    Column("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of finger joints"),
-    Column("beyond", "beyond", "%", "less", "finger joints beyond the range of training", 2),
+    Measure("top1", "R@1", "%", "more", f"sentences that find their clip among {POOL}"),
+    Measure("top2", "R@2", "%", "more", "the same among the best 2"),
+    Measure("top3", "R@3", "%", "more", "the same among the best 3"),
+    Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
+    Measure("mm_distance", "MM-dist.", "", "less", "mean distance of a sentence to its clip", 2),
+    Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features", 2),
+    Measure(
+        "multimodality", "MMod.", "", "more", "the same of pairs with one body and sentence", 2
+    ),
+    Measure(
+        "acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of finger joints", 2
+    ),
+    Measure("beyond", "beyond", "%", "less", "finger joints beyond the range of training", 2),
 )
 
 
