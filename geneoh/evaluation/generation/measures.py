@@ -37,14 +37,9 @@ def posed_actions(actions: Actions) -> PosedActions:
         torch.stack([getattr(each, name) for each in made], 1).masked_fill(absent, torch.nan)
         for name in ("joints", "verts")
     )
-    return PosedActions(joints, skin, surface_motion(actions))
-
-
-def surface_motion(actions: Actions) -> SurfacePoints:
-    """The points of the objects in the world frame, with the second part moved by the joint."""
     points = actions.posed_points() @ actions.rotation.mT + actions.translation[:, :, None]
     normals = actions.posed_normals() @ actions.rotation.mT
-    return SurfacePoints(points, normals, actions.length)
+    return PosedActions(joints, skin, SurfacePoints(points, normals, actions.length))
 
 
 WITHIN = 0.05  # distance to the object's points beyond which vertices are not measured, metres

@@ -57,7 +57,7 @@ def _nearest(real: Actions, clip: int, training: Actions) -> int:
     alike = both & (joint_kinds(training) == joint_kinds(real)[clip])
     tried = next(each for each in (alike, both, hands, torch.ones_like(hands)) if bool(each.any()))
     which = torch.nonzero(tried)[:, 0]
-    apart = chamfer(shape_points(training.take(which, "B")), shape_points(real)[clip])
+    apart = chamfer(thinned(training.take(which, "B")).points, thinned(real).points[clip])
     return int(which[apart.argmin()])
 
 
@@ -66,10 +66,10 @@ def joint_kinds(actions: Actions) -> Int[Tensor, " B"]:
     return (actions.part > 0).any(1) * (1 + actions.slides.long())
 
 
-def shape_points(actions: Actions) -> Float[Tensor, "B S 3"]:
-    """About `SHAPE_POINTS` points of each object, evenly spread over their order."""
-    count = actions.points.shape[1]
-    return actions.points[:, :: max(1, count // SHAPE_POINTS)]
+def thinned(clips: Actions) -> Actions:
+    """Clips with about `SHAPE_POINTS` points of each object, evenly spread over their order."""
+    count = clips.points.shape[1]
+    return clips.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
 
 
 def chamfer(many: Float[Tensor, "B S 3"], one: Float[Tensor, "R 3"]) -> Float[Tensor, " B"]:

@@ -20,13 +20,13 @@ from geneoh.evaluation.generation.classifier import (
 from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.rows import (
-    SHAPE_POINTS,
     Drawn,
     draw_clips,
     drawn_and_refined,
     joint_rests,
     nearest_training,
     refined,
+    thinned,
 )
 from geneoh.evaluation.generation.scores import (
     CLIPS,
@@ -177,12 +177,15 @@ def scores_under(
     rows: Mapping[str, tuple[Actions, ClipMeasures]],
     options: GenerationOptions,
 ) -> dict[str, RowScores]:
-    """The scores of all rows with one classifier."""
+    """The scores with one classifier of all rows, and of the real clips with permuted verbs."""
     scored = {}
     for name, (clips, measures) in rows.items():
         features, scores = classified(model, clips)
         scored[name] = ScoredClips(features, clips.verb, scores, measures)
-    scored = with_random_verbs(scored, options.seed)
+    real, (_, *others) = scored[REAL], scored.items()
+    order = torch.randperm(len(real.verb), generator=row_generator(options.seed, "random verbs"))
+    random = replace(real, verb=real.verb[order])
+    scored = {REAL: real, "random verbs": random, **dict(others)}
     return repeat(scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES)
 
 
@@ -214,13 +217,6 @@ def network_rows(
     return rows | ({"text2hoi": mended} if options.refine == "geneoh" else {})
 
 
-def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, ScoredClips]:
-    """The rows with another one after the first: the real clips with permuted verbs."""
-    real, (_, *rest) = scored[REAL], scored.items()
-    order = torch.randperm(len(real.verb), generator=row_generator(seed, "random verbs"))
-    return {REAL: real, "random verbs": replace(real, verb=real.verb[order]), **dict(rest)}
-
-
 def row_generator(seed: int, row: str) -> torch.Generator:
     """The random number generator of a row."""
     return seeded_generator(seed, "row", row)
@@ -229,7 +225,7 @@ def row_generator(seed: int, row: str) -> torch.Generator:
 def split_clips(
     options: GenerationOptions, folder: Path, on_progress: OnProgress | None
 ) -> tuple[Actions, ActionData, tuple[str, ...]]:
-    """The training clips (objects subsampled to few points), the validation clips, and notes.
+    """The training clips, of few points to save memory, the validation clips, and notes.
 
     Shards that are cut out of recordings are kept in `folder`.
     """
@@ -241,12 +237,6 @@ def split_clips(
     readers = ReaderOptions(mano_dir=options.mano)
     split = action_data(Learned(source, folder, readers=readers), options.recorded, on_progress)
     return thinned(split.training.actions.take(slice(None))), split.validation, split.notes
-
-
-def thinned(clips: Actions) -> Actions:
-    """Clips with their objects subsampled to few points, to save memory."""
-    count = clips.points.shape[1]
-    return clips.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
 
 
 def _settings_of(

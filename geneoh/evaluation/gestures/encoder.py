@@ -107,12 +107,6 @@ class GestureEncoder(nn.Module):
         self.read = nn.Linear(config.text.width, config.features)
         self.cold = nn.Parameter(torch.tensor(math.log(10.0)))
 
-    def set_scale(self, clips: Seen) -> None:
-        """Set the mean and standard deviation by which inputs are normalised, from clips."""
-        whole = torch.cat([clips.body, clips.hands], -1).flatten(0, 1)
-        self.mean.copy_(whole.mean(0))
-        self.std.copy_(whole.std(0).clamp(min=1e-3))
-
     def motions(
         self, clips: Seen, hidden: Bool[Tensor, " B"] | None = None
     ) -> Float[Tensor, "B F"]:
@@ -190,7 +184,9 @@ class EncoderTask(Task):
         """A new network, normalised by the training clips."""
         with first_weights(self.config.seed, self.name, "weights"):
             made = GestureEncoder(self.config)
-        made.set_scale(self.seen)
+        whole = torch.cat([self.seen.body, self.seen.hands], -1).flatten(0, 1)
+        made.mean.copy_(whole.mean(0))
+        made.std.copy_(whole.std(0).clamp(min=1e-3))
         return made
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[ClipBatch]:
