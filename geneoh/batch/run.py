@@ -8,7 +8,6 @@ that are left or failed, and those whose input changed or whose result is missin
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from geneoh.batch.cleaning import BatchOptions, CleaningOutcome, clean_clip
@@ -98,13 +97,18 @@ def _records_before(
 ) -> dict[str, dict[str, Any]]:
     """The journal's records by clip name, with those of clips that only earlier runs had.
 
-    Clips that must be cleaned get a new record with the state `left`.
+    Clips that must be cleaned get a new record with the state `left`. `ConfigError` if clips were
+    done with other settings.
     """
     path = batch.folder / journal.CLEANED
     keep_others(path)
     records = journal.read_journal(path)
-    if any(record.get("state") == "done" for record in records):
-        refuse_other_settings(records[0], settings, path)
+    done = any(record.get("state") == "done" for record in records)
+    if done and (differ := setting_differences(records[0], settings)):
+        raise ConfigError(
+            f"{batch.folder}: holds results of other settings ({differ}); "
+            "use the same settings, or name another folder"
+        )
     if not records:
         keep_others(*(batch.folder / name for name in SUMMARY_FILES))
     known = {record["clip"]: record for record in records[1:] if "clip" in record}
@@ -130,12 +134,3 @@ def _settings_of(batch: BatchOptions) -> dict[str, Any]:
         "reading": {name: str(value) for name, value in batch.reading.items()},
         "weights": file_digests(all_weights(batch.options.weights)),
     }
-
-
-def refuse_other_settings(held: journal.Record, settings: dict[str, Any], path: Path) -> None:
-    """`ConfigError` if the journal (its first record `held`) was begun with other settings."""
-    if differ := setting_differences(held, settings):
-        raise ConfigError(
-            f"{path.parent}: holds results of other settings ({differ}); "
-            "use the same settings, or name another folder"
-        )
