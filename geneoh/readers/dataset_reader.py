@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.readers import base, builders, meshes
@@ -103,8 +102,10 @@ class DatasetReader:
         if len(names) != len(motion.meshes):
             names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
         notes = [*about_object, *parts.notes, *about_time, *about_meshes, *about_hands]
-        cameras, about_cameras = _callers_cameras(parts, options, clock, where)
-        notes += about_cameras
+        cameras = None
+        if options.camera_pose is not None:
+            poses, more = options.camera_pose.of_frames(parts.frames, where, clock, parts.first)
+            cameras, notes = float32(poses), [*notes, *more]
         words = "; ".join(dict.fromkeys(notes))
         source = f"{parts.source} ({words})" if words else parts.source
         sequence = Sequence(tuple(hands), motion, rate, source, camera_to_world=cameras)
@@ -169,16 +170,6 @@ def _callers_object(
     elif parts.camera_poses is not None:
         notes = (*notes, IN_WORLD_NOTE)
     return builders.object_track(options.meshes, poses), notes
-
-
-def _callers_cameras(
-    parts: ClipParts, options: ReaderOptions, clock: Clock | None, where: str
-) -> tuple[Tensor | None, Notes]:
-    """(T, 4, 4) poses of the caller's camera, for hands in its frame; and notes."""
-    if options.camera_pose is None:
-        return None, ()
-    poses, notes = options.camera_pose.of_frames(parts.frames, where, clock, parts.first)
-    return float32(poses), notes
 
 
 def _hands_of(

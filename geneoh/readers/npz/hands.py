@@ -139,10 +139,12 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
     joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
     if joints is not None:
         wrist = without_missing(joints, None)[0][:, 0]
-    elif transl is not None:
+    elif transl is not None and mano_dir is None:
+        wrist, notes = transl + float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
+    elif transl is not None:  # by default smplx's hand, which is the left one as shipped
         betas = read_betas(record, "betas")[0] if model in MANO_NAMES else None
-        offset, notes = offset_of_wrist(side, model, betas, mano_dir)
-        wrist = transl + offset
+        hand = load_hand(side, source=MENDED if model == MENDED else AS_SHIPPED, mano_dir=mano_dir)
+        wrist = transl + hand.rest_wrist(torch.zeros(10) if betas is None else betas)
     names = {**JOINT_NAMES, "betas": "betas"}
     pose = torch.cat([root, fingers + mean], dim=1)
     made = {"parameters": SMPLX_PARAMETERS, "pose": pose, "wrist": wrist}
@@ -195,17 +197,3 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
     remedy = "of PCA coefficients say 'use_pca' and pass --mano" if count > 1 else ""
     turns = float32(read_turns(record, name, count, remedy=remedy))
     return turns if turns.ndim < 4 else matrix_to_axis_angle(turns)
-
-
-def offset_of_wrist(
-    side: Side,
-    model: str | None,
-    betas: Float[Tensor, " 10"] | None,
-    mano_dir: Path | str | None,
-) -> tuple[Float[Tensor, " 3"], Notes]:
-    """Offset from the origin to the wrist of the MANO hand that the betas belong to, by default
-    smplx's, which has the left hand as shipped; that of the mean hand without MANO's files."""
-    if mano_dir is None:
-        return float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
-    hand = load_hand(side, source=MENDED if model == MENDED else AS_SHIPPED, mano_dir=mano_dir)
-    return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()
