@@ -1,17 +1,18 @@
 """Scoring of a generator of hands on held-out bodies and sentences."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion
-from geneoh.bundle import spread
+from geneoh.body.skeleton import BODY_JOINTS
+from geneoh.bundle import concatenated, spread
 from geneoh.choices import BODY_STAGES, STEPS
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.runner import about_repetitions, row_generator
@@ -23,17 +24,18 @@ from geneoh.evaluation.gestures.encoder import (
     GestureEncoder,
     Seen,
 )
-from geneoh.evaluation.gestures.rows import made_by_networks, mean_pose, nearest_body, shuffled
 from geneoh.evaluation.gestures.scores import MEASURES, SCORES, ScoredHands, range_of, score_hands
 from geneoh.files.fingerprints import file_digest, file_digests, package_versions
+from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import (
     Both2HandsNetworks,
     both2hands_weights,
     load_both2hands,
 )
 from geneoh.generators.both2hands.limits import FingerRange
-from geneoh.generators.both2hands.sampling import Branch
-from geneoh.progress import OnProgress, OnStep
+from geneoh.generators.both2hands.sampling import Both2HandsSampling, Branch, sample_hands
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.progress import OnProgress, OnStep, steps
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.training.loop import trained
@@ -41,6 +43,7 @@ from geneoh.training.loop import trained
 SHUFFLED = "shuffled hands"
 BRANCHES: dict[str, Branch] = {"body only": "body", "text only": "text", "blended": "blended"}
 FOLDER = "encoder"  # subfolder of the encoder in the output folder
+BATCH = 16  # clips that are sampled together
 
 
 @dataclass(frozen=True)
@@ -136,9 +139,8 @@ def network_row(
 ) -> ScoredHands:
     """The row of the networks: one sample for every condition, and several for some."""
     generator = row_generator(options.seed, "both2hands")
-    make: Callable[..., BodyMotion] = partial(
-        made_by_networks, networks, branch=branch, sampling_steps=options.steps, generator=generator
-    )
+    config = Both2HandsSampling(steps=options.steps, branch=branch)
+    make = partial(made_by_networks, networks, config=config, generator=generator)
     motion = make(chosen.real, chosen.sentences, on_step=on_step)
     prompts = min(options.prompts, len(chosen.sentences))
     some = torch.arange(prompts).repeat_interleave(options.answers)
@@ -146,6 +148,56 @@ def network_row(
     made = make(again, [chosen.sentences[n] for n in some.tolist()])
     several = chosen.model.motions(Seen.moved(again, made)).unflatten(0, (prompts, options.answers))
     return chosen.scored(motion, several)
+
+
+def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
+    """Every body with the hands of another clip."""
+    order = torch.randperm(len(real.body), generator=generator)
+    other = torch.empty_like(order)
+    other[order] = order.roll(1)
+    return _hands_of(real, real, other)
+
+
+def mean_pose(real: Gestures, training: Gestures) -> BodyMotion:
+    """Every body with the constant mean finger pose of the training clips."""
+    mean = training.pose[training.before_end][:, BODY_JOINTS:].mean(0)
+    fingers = axis_angle_to_matrix(mean).expand(*real.pose.shape[:2], -1, -1, -1)
+    return with_other_fingers(real.motion, fingers)
+
+
+def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) -> BodyMotion:
+    """Every body with the hands of the training clip whose body motion is nearest.
+
+    `seen` are the encoder inputs of both; body features are divided by their standard deviation.
+    """
+    scale = seen[1].body.flatten(0, 1).std(0).clamp(min=1e-3)
+    own, known = ((each.body / scale).flatten(1) for each in seen)
+    return _hands_of(real, training, torch.cdist(own, known).argmin(1))
+
+
+def _hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> BodyMotion:
+    """The real bodies with the finger poses of clips `which` of `source`."""
+    fingers = axis_angle_to_matrix(source.pose[which][:, :, BODY_JOINTS:])
+    return with_other_fingers(real.motion, fingers)
+
+
+def made_by_networks(
+    networks: Both2HandsNetworks,
+    real: Gestures,
+    sentences: Sequence[str],
+    *,
+    config: Both2HandsSampling,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> BodyMotion:
+    """Hands that the networks generate for the real bodies with one sentence each."""
+    parts = []
+    for start in steps(range(0, len(sentences), BATCH), on_step):
+        some = real.take(slice(start, start + BATCH), "B")
+        texts = sentences[start : start + BATCH]
+        inputs = some.motion, some.skeleton, texts
+        parts.append(sample_hands(networks, *inputs, config, generator=generator))
+    return concatenated(parts, "B")
 
 
 def _told_apart(real: ScoredHands, wrong: ScoredHands) -> float:

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from geneoh.evaluation.gestures.encoder import EncoderConfig, EncoderTask, Seen
-from geneoh.evaluation.gestures.rows import shuffled
+from geneoh.evaluation.gestures.runner import shuffled
 from geneoh.generators.text import SentenceConfig
 from geneoh.synthesis.gestures.repertoire import GestureShares
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing

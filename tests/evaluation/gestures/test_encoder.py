@@ -12,7 +12,7 @@ from geneoh.evaluation.gestures.encoder import (
     GestureEncoder,
     Seen,
 )
-from geneoh.evaluation.gestures.rows import shuffled
+from geneoh.evaluation.gestures.runner import shuffled
 from geneoh.generators.text import SentenceConfig
 from geneoh.training.loop import trained
 

@@ -4,7 +4,8 @@ from made_bodies import tiny_networks
 from made_gestures import made_gestures
 
 from geneoh.evaluation.gestures.encoder import Seen
-from geneoh.evaluation.gestures.rows import made_by_networks, mean_pose, nearest_body, shuffled
+from geneoh.evaluation.gestures.runner import made_by_networks, mean_pose, nearest_body, shuffled
+from geneoh.generators.both2hands.sampling import Both2HandsSampling
 
 
 def test_every_row_keeps_the_bodies_of_the_real_clips():
@@ -13,7 +14,13 @@ def test_every_row_keeps_the_bodies_of_the_real_clips():
         shuffled(real, generator=seeded()),
         mean_pose(real, training),
         nearest_body(real, training, (Seen.of(real), Seen.of(training))),
-        made_by_networks(tiny_networks(), real, ["wave"] * 4, "blended", 1, generator=seeded()),
+        made_by_networks(
+            tiny_networks(),
+            real,
+            ["wave"] * 4,
+            config=Both2HandsSampling(steps=1, branch="blended"),
+            generator=seeded(),
+        ),
     )
     for made in rows:
         assert torch.equal(made.root, real.root)
