@@ -28,10 +28,8 @@ def read_journal(path: Path) -> list[dict[str, Any]]:
         raise unwritable(path, error) from None
     found = []
     for line in lines:
-        try:
+        with suppress(ValueError):
             found.append(json.loads(line))
-        except ValueError:
-            continue
     return [record for record in found if isinstance(record, dict)]
 
 

@@ -7,6 +7,7 @@ permission, which is reported where the file is opened.
 import os
 import zipfile
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -138,7 +139,7 @@ def keep_others(*paths: Path, remedy: str = "choose another folder") -> None:
 def is_ours(path: Path) -> bool:
     """Whether geneoh wrote this regular file, judged by a few bytes; False when in doubt."""
     ending = path.suffix.lower()
-    try:
+    with suppress(OSError):
         if ending == ".npz":
             return _is_our_archive(path)
         if ending == ".jsonl":
@@ -149,8 +150,6 @@ def is_ours(path: Path) -> bool:
             if mark := TAIL_MARKS.get(ending):
                 file.seek(-len(mark), os.SEEK_END)
                 return file.read() == mark
-    except OSError:
-        pass
     return False
 
 
