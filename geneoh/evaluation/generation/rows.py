@@ -15,7 +15,6 @@ from geneoh.generators.text2hoi.generate import action_sequence
 from geneoh.generators.text2hoi.learning.samples import ActionData, hands_of, sentences
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
 from geneoh.generators.text2hoi.networks.objects import Objects
-from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.physics.jointed import JointedObject, joined
 from geneoh.generators.text2hoi.physics.resting import eased, finished, kept_on_table
 from geneoh.generators.text2hoi.physics.settling import settled
@@ -121,14 +120,6 @@ def draw_clips(
         made = made.at_frames(every.minimum(made.length[:, None] - 1))
         parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
     return concatenated(parts, "B")
-
-
-def drawn_and_refined(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Actions:
-    """The sampled actions, with the paper's refiner if one is passed."""
-    if refiner is None:
-        return drawn.actions
-    parts = [drawn.take(slice(n, n + BATCH), "B") for n in range(0, len(drawn.touched), BATCH)]
-    return concatenated([refined_by(refiner, some.actions, some.touched) for some in parts], "B")
 
 
 STILL_JOINT = 0.3  # range of a joint's states below which it counts as still, radians or decimetres

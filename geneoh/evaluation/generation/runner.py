@@ -20,9 +20,9 @@ from geneoh.evaluation.generation.classifier import (
 from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.rows import (
+    BATCH,
     Drawn,
     draw_clips,
-    drawn_and_refined,
     joint_rests,
     nearest_training,
     refined,
@@ -48,6 +48,7 @@ from geneoh.generators.text2hoi.networks.library import (
     load_text2hoi,
     text2hoi_weights,
 )
+from geneoh.generators.text2hoi.networks.refiner import refined_by
 from geneoh.generators.text2hoi.physics.resting import finished
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
@@ -202,7 +203,11 @@ def network_rows(
             made[contact] = draw_clips(
                 networks, real, generator=generator, contact=contact, on_step=on_step
             )
-        return drawn_and_refined(made[contact], refiner if refine else None)
+        drawn = made[contact]
+        if not refine:
+            return drawn.actions
+        parts = (drawn.take(slice(n, n + BATCH), "B") for n in range(0, len(drawn.touched), BATCH))
+        return concatenated([refined_by(refiner, p.actions, p.touched) for p in parts], "B")
 
     def mended(on_step: OnStep | None) -> Actions:
         drawn = make(None, refine=True)
