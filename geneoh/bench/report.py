@@ -75,12 +75,8 @@ def beside_the_paper(ours: Found, paper: Found, clock: str) -> Iterator[str]:
 
 
 def check_plot(path: Path | None) -> list[Path]:
-    """A list with the file of the plot, empty without one.
-
-    Raises:
-        InputError: the file's ending is not `.png`.
-        ConfigError: matplotlib is not installed.
-    """
+    """A list with the file of the plot, empty without one; refused if its ending is not `.png`, or
+    if matplotlib is not installed."""
     if path is None:
         return []
     check_ending(path, (".png",))

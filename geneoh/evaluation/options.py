@@ -113,12 +113,8 @@ class EvaluationOptions:
     metrics, are measured; None: 20, for `synthetic` 5."""
 
     def __post_init__(self) -> None:
-        """Convert lists and paths given as text, and drop duplicates.
-
-        Raises:
-            ConfigError: a value has the wrong type, or is none of the choices of its field, or the
-                cleaner has a preset or a seed that is not scored.
-        """
+        """Convert lists and paths given as text, and drop duplicates; `ConfigError` for values that
+        no field takes, and for a preset or a seed of the cleaner that is not scored."""
         check_fields(self)
         for name in ("noises", "seeds", "methods", "presets", "ablations", "predictions"):
             object.__setattr__(self, name, tuple(dict.fromkeys(getattr(self, name))))

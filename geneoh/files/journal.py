@@ -70,10 +70,8 @@ def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
     """Make a folder and lock it against other runs; the lock ends with the process.
 
     `name` is the name of the lock file; it excludes runs that use the same one. Folders that were
-    made for the run and are empty at its end are removed.
-
-    Raises:
-        InputError: another run is working in it, or it cannot be written to.
+    made for the run and are empty at its end are removed. `InputError` where another run is
+    working, or where it cannot be written to.
     """
     path = folder / name
     missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]

@@ -24,11 +24,7 @@ class DamagedTensorsError(ValueError):
 def write_tensors(
     path: Path, tensors: Mapping[str, Tensor], record: Mapping[str, Any], *, parents: bool = False
 ) -> None:
-    """Write tensors and record to a file in one step; with `parents`, make its folder.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
+    """Write tensors and record to a file in one step; with `parents`, make its folder."""
     held = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     # one metadata entry, because safetensors writes several in no fixed order
     write_whole(path, save(held, metadata={"record": json.dumps(record)}), parents=parents)

@@ -67,12 +67,8 @@ class ReaderOptions:
     """Poses of a moving camera, camera to world, for hands and object in its frame."""
 
     def __post_init__(self) -> None:
-        """Find the folder of MANO, and refuse a focal length that no camera has: hands would be
-        behind it, or nowhere.
-
-        Raises:
-            ConfigError: the focal length is not above 0 and finite.
-        """
+        """Find the folder of MANO; `ConfigError` for a focal length not above 0 and finite, with
+        which hands would be behind the camera, or nowhere."""
         object.__setattr__(self, "mano_dir", mano_folder(self.mano_dir))
         if self.focal is not None and not 0 < self.focal < math.inf:
             raise ConfigError(

@@ -57,12 +57,9 @@ def pose_field(
 def poses_of(
     given: Path | str | Array | None, where: str, unit: Unit | None = None, owner: str = "object"
 ) -> PoseTrack | None:
-    """The poses that a caller passes as an array or as a path, in metres.
+    """The poses that a caller passes as an array or as a path for `read_poses`, in metres.
 
     Lengths are in `unit`, or in that of the file's format; `owner` is what has the poses.
-
-    Raises:
-        InputError: they cannot be read, or are no poses; see `read_poses`.
     """
     if given is None:
         return None

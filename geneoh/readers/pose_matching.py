@@ -54,10 +54,8 @@ class PoseTrack:
 
         They are matched by timestamps if both have them. Else there is one pose per frame, a single
         pose for all frames, or those of a whole video, which are matched by frame number; numbered
-        poses may lack the first and the last frames.
-
-        Raises:
-            InputError: the times do not overlap, or the number of poses fits none of these cases.
+        poses may lack the first and the last frames. `InputError` for times that do not overlap,
+        and for a number of poses that fits none of these cases.
         """
         if len(self.matrices) == 1 < frames:
             about = (

@@ -137,10 +137,8 @@ def refined(
 
     `verbs` are those of the clips. Object meshes are reconstructed from their points. An object
     whose joint is still becomes one rigid mesh, as in `geneoh generate`. `jobs` processes share the
-    clips, each with one thread; results do not depend on their number.
-
-    Raises:
-        GeneOHError: the workers of a clip died, for example because memory ran out.
+    clips, each with one thread; results do not depend on their number. `GeneOHError` where the
+    workers of a clip died, for example because memory ran out.
     """
     count, made = len(actions.verb), {}
     clips = ((n, actions.take(slice(n, n + 1), "B"), verbs[n]) for n in range(count))

@@ -54,11 +54,7 @@ TURN_CHANNELS = "CHANNELS 3 Zrotation Yrotation Xrotation"
 
 
 def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) -> BodyRecording:
-    """The body in a BVH, by the names of its joints.
-
-    Raises:
-        InputError: the file is no BVH, or has no arms with hands.
-    """
+    """The body in a BVH, by the names of its joints; `InputError` without arms with hands."""
     file = read_bvh_file(path)
     names = [joint.name for joint in file.joints]
     found = match_joints(names, file.parents)

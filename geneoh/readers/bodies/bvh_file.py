@@ -68,11 +68,7 @@ class BvhFile:
 
 
 def read_bvh_file(path: Path) -> BvhFile:
-    """The hierarchy and the motion of a BVH.
-
-    Raises:
-        InputError: the file is no whole BVH.
-    """
+    """The hierarchy and the motion of a BVH; `InputError` for a file that is no whole one."""
     text = read_bytes(path, BVH_LIMIT).decode("utf-8", "replace")
     parts = re.split(r"^\s*MOTION\s*$", text, maxsplit=1, flags=re.MULTILINE)
     if len(parts) != 2 or "HIERARCHY" not in parts[0][:200]:

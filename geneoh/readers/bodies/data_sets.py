@@ -44,11 +44,7 @@ class SourceBody:
 
 
 def body_files(source: BodySource, path: Path) -> list[Path]:
-    """The files of bodies at or below a path.
-
-    Raises:
-        InputError: the path does not exist, or holds none.
-    """
+    """The files of bodies at or below a path; `InputError` where there are none."""
     found = sorted(chain.from_iterable(paths_matching(path, name) for name in FILES[source]))
     expected = " or ".join(FILES[source])
     if source == "motionx":
@@ -65,11 +61,8 @@ def body_files(source: BodySource, path: Path) -> list[Path]:
 def read_source_bodies(
     source: BodySource, file: Path, model: Path | None = None
 ) -> Iterator[SourceBody]:
-    """The clips in one of the files; `model` is the user's SMPL-H or SMPL-X.
-
-    Raises:
-        InputError: the file holds no body that can be read; the message says why.
-    """
+    """The clips in one of the files, `InputError` where it holds no body that can be read; `model`
+    is the user's SMPL-H or SMPL-X."""
     if source == "both57m":  # the files do not say which clips are of one person
         for number, body in enumerate(read_bodies(file, model=model)):
             yield SourceBody(body, f"{file} {number}")

@@ -27,11 +27,8 @@ class RestBody(Bundle):
 
 
 def read_model(path: Path, betas: Float[Tensor, " S"] | None = None) -> RestBody:
-    """The rest joints of a person with some betas, from the official model's file (npz or pkl).
-
-    Raises:
-        InputError: the file is no SMPL-H or SMPL-X model; no code in it is run.
-    """
+    """The rest joints of a person with some betas, from the official model's file (npz or pkl), in
+    which no code is run; `InputError` for other files."""
     record = foreign_files.read_record(path)
     verts = record.array("v_template", ("V", 3))
     regressor = record.numbers("J_regressor")

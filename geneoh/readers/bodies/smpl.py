@@ -77,11 +77,8 @@ and eyes."""
 def read_smpl(
     path: Path, *, fps: float | None, up: Axis | None, model: Path | None
 ) -> Iterator[BodyRecording]:
-    """The bodies in an npz, npy, pickle or joblib file; several only in the lists of BOTH57M.
-
-    Raises:
-        InputError: the file holds no such body, or an impossible one.
-    """
+    """The bodies in an npz, npy, pickle or joblib file, several only in the lists of BOTH57M;
+    `InputError` where it holds no body, or an impossible one."""
     values = read_values(path)
     if isinstance(values, np.ndarray):
         values = motion_x(values, path)

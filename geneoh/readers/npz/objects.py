@@ -138,9 +138,7 @@ def notes_on_meshes(record: Record, meshes: tuple[Mesh, ...]) -> Notes:
     """A note where none of a caller's meshes, nor of their parts, is one that an npz has hashes of.
 
     The poses in the npz may be wrong for another mesh, which may have another origin or size.
-
-    Raises:
-        InputError: the meshes are those of the npz, in another order than that of its parts.
+    `InputError` for the meshes of the npz in another order than that of its parts.
     """
     if HASHES not in record:
         return ()
