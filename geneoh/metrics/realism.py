@@ -58,13 +58,6 @@ class SurfacePoints(Bundle):
         return torch.cat([(step >= MOVING) & self.valid[:, 1:], last], 1)
 
 
-def realistic_share(
-    touched: Bool[Tensor, "B T P"], surface: SurfacePoints, fps: float, friction: float = FRICTION
-) -> Float[Tensor, " B"]:
-    """Share of each clip's frames that are realistic, 0 to 1, by the points that hands touch."""
-    return realistic_frames(touched, surface, fps, friction).sum(1) / surface.length
-
-
 def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfacePoints) -> Float[Tensor, " B"]:
     """Motion without contact: the share of the frames in which an object moves that have no
     keypoint within 2 cm of its points, 0 to 1.
@@ -82,7 +75,7 @@ def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfacePoints) -> Flo
 def realistic_frames(
     touched: Bool[Tensor, "B T P"], surface: SurfacePoints, fps: float, friction: float = FRICTION
 ) -> Bool[Tensor, "B T"]:
-    """Whether each frame is realistic; see the module."""
+    """Whether each frame is realistic, by the points that hands touch; see the module."""
     stands = surface.points[..., 2] <= TOUCH
     still = ~(surface.moves | surface.moves.roll(1, 1))  # `moves` is false in the last frame
     passed = still & stands.any(-1) & surface.valid

@@ -11,7 +11,6 @@ from geneoh.metrics.realism import (
     SurfacePoints,
     moved_alone,
     realistic_frames,
-    realistic_share,
     touched_points,
     wanted_wrench,
 )
@@ -190,7 +189,7 @@ def together(*clips: SurfacePoints) -> SurfacePoints:
 def test_each_clip_of_a_batch_has_its_own_value():
     both = together(moving(at_height(0.0)), moving(at_height(0.3)))
     touched = torch.zeros(both.points.shape[:3], dtype=torch.bool)
-    assert realistic_share(touched, both, FPS).tolist() == [1, 0]
+    assert (realistic_frames(touched, both, FPS).sum(1) / both.length).tolist() == [1, 0]
 
 
 def test_forces_on_one_object_of_a_batch_do_not_hold_another():

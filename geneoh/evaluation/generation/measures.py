@@ -10,7 +10,7 @@ from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import SIDES
 from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.hand.library import mean_hand
-from geneoh.metrics.realism import SurfacePoints, moved_alone, realistic_share, touched_points
+from geneoh.metrics.realism import SurfacePoints, moved_alone, realistic_frames, touched_points
 from geneoh.metrics.report import measure_frames
 from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.progress import OnStep, steps
@@ -82,7 +82,7 @@ def measure_clip(clip: Actions) -> ClipMeasures:
     depth = torch.stack([hand.depth for hand in measured]).amax(0)
     accelerated = torch.stack([hand.acceleration for hand in measured])
     return ClipMeasures(
-        realism=realistic_share(touched[None], surface, FPS),
+        realism=realistic_frames(touched[None], surface, FPS).sum(1) / surface.length,
         moved_alone=moved_alone(posed.joints.transpose(1, 2).flatten(2, 3), surface),
         depth_mm=1000 * depth.mean()[None],
         deepest_mm=1000 * depth.amax()[None],
