@@ -16,7 +16,7 @@ from geneoh.readers.foreign_files import number_in
 from geneoh.readers.records import Array, as_record
 
 UNIT: Unit = "mm"
-COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t")
+COLUMNS = {"scene_id", "im_id", "obj_id", "score", "R", "t"}
 """Columns of a table of results, `R` of nine and `t` of three numbers with spaces between them;
 `time` may follow."""
 FIELDS = ("frame", *(f"R[{at}]" for at in range(9)), "t.x", "t.y", "t.z")
@@ -34,11 +34,6 @@ def pose_of_image(value: Any, path: Path) -> Any:
     record = as_record(objects[0], str(path))
     place = record.array("cam_t_m2c", (3,)).tolist()
     return {"R": record.array("cam_R_m2c", (9,)).tolist(), "t": place}
-
-
-def are_results(heading: str) -> bool:
-    """Whether the first line of a table is that of BOP's results."""
-    return set(COLUMNS) <= {name.strip() for name in heading.split(",")}
 
 
 def rows_of_results(lines: Iterable[str], path: Path) -> Array:

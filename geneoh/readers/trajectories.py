@@ -80,7 +80,7 @@ def table_in_text(path: Path) -> Table:
     """The table in a text; a heading above its rows may name the columns."""
     lines = [line.strip() for line in read_text(path).lstrip("\ufeff").splitlines()]
     lines = [line for line in lines if line]
-    if lines and bop.are_results(lines[0]):
+    if lines and {name.strip() for name in lines[0].split(",")} >= bop.COLUMNS:
         return Table(path, list(bop.FIELDS), bop.rows_of_results(lines, path), bop.UNIT)
     start = next((at for at, line in enumerate(lines) if NUMBER.match(line)), len(lines))
     data = [line for line in lines[start:] if line[0] not in "#%"]

@@ -101,11 +101,15 @@ def as_estimated(found: Detections) -> tuple[Detections, Notes]:
         return found, ()
     turns = found.turns[left], mirror_rotations(found.turns[left])
     points = found.points[left], mirror_points(found.points[left])
-    posed = [posed_right_hand(each) for each in turns]
-    pose_mirrored, points_mirrored = min(
-        product((False, True), repeat=2),
-        key=lambda choice: mean_distance(posed[choice[0]], points[choice[1]]),
-    )
+    hand, origin = load_hand("right").shaped(torch.zeros(10)), torch.zeros(3)
+    rotations = (torch.from_numpy(each).float() for each in turns)
+    posed = [hand.joints_from_rotations(each, origin).numpy() for each in rotations]
+    about_wrist = [each - each[:, :1] for each in points]
+    misfit = {
+        (pose, own): np.nanmean(np.linalg.norm(posed[pose] - about_wrist[own], axis=-1))
+        for pose, own in product((False, True), repeat=2)
+    }
+    pose_mirrored, points_mirrored = min(misfit, key=misfit.__getitem__)
     found.turns[left], found.points[left] = turns[pose_mirrored], points[points_mirrored]
     rows = found.take(left, "N")
     crop_mirrored = off_crop(rows, -1) < off_crop(rows, 1)
@@ -113,17 +117,6 @@ def as_estimated(found: Detections) -> tuple[Detections, Notes]:
         found.place[left, 0] += 2 * rows.crop[:, 1]
     changed = pose_mirrored or points_mirrored or crop_mirrored
     return found, (MIRRORED_NOTE,) if changed else ()
-
-
-def posed_right_hand(turns: Array) -> Array:
-    """(N, 21, 3) keypoints, metres, of a right hand of mean shape in poses, wrist at the origin."""
-    hand = load_hand("right").shaped(torch.zeros(10))
-    return hand.joints_from_rotations(torch.from_numpy(turns).float(), torch.zeros(3)).numpy()
-
-
-def mean_distance(posed: Array, points: Array) -> float:
-    """Mean distance in metres of keypoints relative to their wrist from posed ones, without NaN."""
-    return float(np.nanmean(np.linalg.norm(posed - (points - points[:, :1]), axis=-1)))
 
 
 def off_crop(rows: Detections, sign: int) -> float:
