@@ -5,7 +5,6 @@ The journal's first line holds the settings of the run. Each other line is a cli
 that are left or failed, and those whose input changed or whose result is missing or changed.
 """
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from typing import Any
@@ -62,7 +61,12 @@ def clean_batch(
         journal.begin_journal(path, [settings, *records.values()])
         left = [clip for clip in clips if records[clip.name]["state"] == "left"]
         before = done = len(clips) - len(left)
-        for outcome in outcomes_of(left, batch, jobs, ray):
+        clean = partial(clean_clip, batch=batch)
+        if ray is not None and left:
+            found = on_cluster(left, clean, address=ray, lost=_lost)
+        else:
+            found = results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=_lost)
+        for outcome in found:
             state = "failed" if outcome.failed else "done"
             record = {"clip": outcome.clip, "state": state, "asked": records[outcome.clip]["asked"]}
             records[outcome.clip] = record | asdict(outcome)
@@ -75,16 +79,6 @@ def clean_batch(
         outcomes = tuple(outcome_in(records[clip.name]) for clip in clips)
         write_summary(outcomes, batch.folder)
     return Cleaned(outcomes, before)
-
-
-def outcomes_of(
-    left: list[BatchClip], batch: BatchOptions, jobs: int, ray: str | None
-) -> Iterator[CleaningOutcome]:
-    """Clean clips; yields their outcomes as they finish."""
-    clean = partial(clean_clip, batch=batch)
-    if ray is not None and left:
-        return on_cluster(left, clean, address=ray, lost=_lost)
-    return results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=_lost)
 
 
 def _lost(clip: BatchClip, why: str) -> CleaningOutcome:

@@ -40,19 +40,13 @@ class GenerationReport:
         yield from self.about
         for measure in self.measures:
             yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
-        if len(self.rows) > 1:
-            yield self.distances_beside_the_last()
-
-    def distances_beside_the_last(self) -> str:
-        """A remark with the difference of each row's FID to that of the last row.
-
-        All rows are scored on the same halves of the clips, so differences vary less than FIDs.
-        """
+        # all rows are scored on the same halves of the clips, so differences vary less than FIDs
         distances = {name: torch.tensor(row.values["fid"]) for name, row in self.rows.items()}
         *others, last = distances
-        found = {name: interval(distances[name] - distances[last]) for name in others}
-        each = (f"{name} {by.mean:+.2f}±{by.half:.2f}" for name, by in found.items())
-        return f"FID less that of {last}, over the same halves: {', '.join(each)}."
+        if others:
+            found = {name: interval(distances[name] - distances[last]) for name in others}
+            each = (f"{name} {by.mean:+.2f}±{by.half:.2f}" for name, by in found.items())
+            yield f"FID less that of {last}, over the same halves: {', '.join(each)}."
 
 
 def keep_other_generation_reports(folder: Path) -> None:
