@@ -104,11 +104,9 @@ def read_poses(path: Path) -> PoseTrack:
 def seen_poses(poses: Array, record: Record) -> Array:
     """(T, 4, 4) or (T, Q, 4, 4) poses, NaN where the field 'object_valid' says that a part was not
     found."""
-    seen = record.optional_array("object_valid", ("T", "Q"), ("T",))
+    seen = record.optional_array("object_valid", *{poses.shape[:-2], poses.shape[:1]})
     if seen is None:
         return poses
-    if seen.shape not in (poses.shape[:1], poses.shape[:-2]):
-        raise record.refuse("object_valid", f"{len(poses)} frames")
     return np.where(seen.reshape(*seen.shape, *[1] * (poses.ndim - seen.ndim)) > 0, poses, np.nan)
 
 

@@ -291,7 +291,7 @@ def test_poses_of_an_npz_that_are_not_valid_are_lost(tmp_path):
     found = read_poses(tmp_path / "obj.npz").matrices
     np.testing.assert_array_equal(np.isfinite(found[..., 0, 0]), both)
     for fields, words in (
-        ({"object_valid": seen[1:]}, "'object_valid' must be 12 frames"),
+        ({"object_valid": seen[1:]}, r"'object_valid' must be numbers of shape \(12,\)"),
         ({"timestamps": TIMES[1:]}, "'timestamps' must be one number for each of the 12 poses"),
     ):
         np.savez(tmp_path / "obj.npz", poses=POSES, **fields)

@@ -67,10 +67,9 @@ def observed_object(
 ) -> ObjectTrack:
     """The track; poses that are NaN or outside `object_valid` are marked and filled in."""
     frames, parts = translation.shape[:2]
-    seen = record.optional_array("object_valid", ("T", "Q"), ("T",))
+    of_each = {"remedy": "give one for each pose"}
+    seen = record.optional_array("object_valid", (frames, parts), (frames,), **of_each)
     if seen is not None:
-        if len(seen) != frames:
-            raise record.refuse("object_valid", f"{frames} frames", "give one for each pose")
         seen = np.broadcast_to(seen.reshape(frames, -1) > 0, (frames, parts))
         seen = torch.from_numpy(np.array(seen))
     return fill_object(ObjectTrack(meshes, float32(rotation), float32(translation)), seen)

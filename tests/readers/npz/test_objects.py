@@ -49,6 +49,8 @@ def test_parts_must_agree():
         read(object_rotation=ROTATION, object_translation=TRANSLATION[:, 0])
     with pytest.raises(InputError, match="'object_translation' with 3"):
         read(object_rotation=ROTATION, object_translation=TRANSLATION[:3])
+    with pytest.raises(InputError, match=r"numbers of shape \(4, 2\) or \(4,\), got \(4, 3\)"):
+        read(obj_pose=matrices(), object_valid=np.ones((T, 3)))
 
 
 def test_poses_that_are_lost_are_marked_and_filled():
