@@ -57,10 +57,10 @@ eval_options = options.together(
     ),
     many(
         "--seed seeds: Seed of the noise and of the methods; may be repeated.  [default: 11, 22 "
-        "and 77; 11 for synthetic]",
+        "and 77; 11 for synthetic; with a generator 0]",
         click.IntRange(*SEED_LIMITS),
     ),
-    option("--limit: Largest number of clips.", COUNT),
+    option("--limit: Largest number of clips.  [default: all; with a generator 256]", COUNT),
     many(
         "--method methods: Method to compare; may be repeated.  "
         f"[default: all but {' and '.join(ON_REQUEST)}]",
@@ -243,5 +243,7 @@ def check_parameters(ctx: click.Context) -> None:
                 f"--{name}: expected none with --generator both2hands, {why}, got {value}; "
                 "leave it out"
             )
+    if ctx.params["dataset"] == "synthetic":
+        options.refuse(["mano"], f"is for recordings, got {kind} of `geneoh synthesize`")
     if len(ctx.params["seeds"]) > 1:
         raise ConfigError("--seed: expected one with --generator, got several; name one")

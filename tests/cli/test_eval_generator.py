@@ -109,6 +109,7 @@ def test_missing_weights_are_told(geneoh, tmp_path, data):
         (("--dataset", "synthetic", "--root", ".", "--method", "geneoh"), "--method"),
         (("--dataset", "synthetic", "--root", ".", "--seed", 1, "--seed", 2), "--seed"),
         (("--dataset", "synthetic", "--root", ".", "--set", "classifiers=0"), "classifiers"),
+        (("--dataset", "synthetic", "--root", ".", "--mano", "."), "--mano is for recordings"),
     ],
 )
 def test_what_does_not_go_with_a_generator_is_one_sentence(geneoh, tmp_path, asked, word):

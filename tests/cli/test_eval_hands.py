@@ -46,6 +46,7 @@ def test_what_does_not_go_with_the_generator_of_hands_is_refused(geneoh):
     for words, told in (
         ((*EVAL, "--refine", "geneoh"), "--refine: expected none with --generator both2hands"),
         ((*EVAL, "--jobs", 2), "--jobs: expected none with --generator both2hands"),
+        ((*EVAL, "--mano", "mine"), "--mano is for recordings"),
         (EVAL, "data: expected train_*.safetensors, found none"),
         (EVAL[:-2], "make one with `geneoh synthesize --bodies -o FOLDER`"),
     ):
