@@ -134,7 +134,7 @@ class Denoised(Bundle):
     options: Options = field(default_factory=Options)
     """The settings of this result."""
     examined: ObjectExamination | None = None
-    """Estimated noise of the object's track; None with `Options.trust_object`."""
+    """Estimated noise of the object's track; None with `Options.trust_object`, and without one."""
     hands_in_each_other: tuple[float, float] | None = None
     """Largest penetration depth between two hands, metres, before and after cleaning, over all
     frames at 30 frames a second; None for one hand."""
