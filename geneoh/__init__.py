@@ -6,12 +6,12 @@
     result = geneoh.denoise(sequence)
     geneoh.save(result, "clean.npz")
 
-Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `from_arrays`
-(arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with `Options`, which
-returns a `Denoised`; `Stream`, frame by frame. Making: `generate` with `GenerateOptions`, which
-returns a `Generated`; `generate_on_body` with `BodyOptions`, which returns a `BodyWithHands`.
-Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data:
-`Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
+Reading and writing: `load` (npz files and keypoints), `read` (files of data sets and estimators),
+`from_arrays` (arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with
+`Options`, which returns a `Denoised`; `Stream`, frame by frame. Making: `generate` with
+`GenerateOptions`, which returns a `Generated`; `generate_on_body` with `BodyOptions`, which returns
+a `BodyWithHands`. Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data: `Sequence`,
+made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
