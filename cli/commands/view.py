@@ -22,7 +22,7 @@ from ..options import FILE, OBJ_HELP, flag, many, option
 @many(
     "-o --output outputs: File to write; its ending names the format: .html page (default), "
     ".png filmstrip, .mp4 or .gif film, .glb scene, .npz with smplx names, .bvh body, .obj or "
-    ".ply folder of one mesh per frame. May be repeated.",
+    ".ply new folder of one mesh per frame. May be repeated.",
     click.Path(path_type=Path),
 )
 @options.overwrite
