@@ -74,8 +74,8 @@ def train(
 
     Text, length, contact, interaction and refiner are networks of the generator. All but the first
     learn from one folder of `geneoh synthesize --actions`, or from recordings of h2o=, grab= or
-    arctic=, each with those before it that are in the output folder, or the shipped ones; their
-    settings are those of Text2HoiConfig.
+    arctic=, each with those before it that are in the output folder, or the shipped ones. Their
+    settings are those of TextTrainConfig, LengthTrainConfig and, from contact on, Text2HoiConfig.
 
     Body_hands, text_hands and blend are networks of the generator of hands for a body. They learn
     from one folder of `geneoh synthesize --bodies`, or from recordings of both57m=, motionx= or
