@@ -48,7 +48,7 @@ reader_options = options.together(
         "--translation: Point that the translation of bare MANO parameters places.",
         Choice(TRANSLATIONS),
     ),
-    flag("--swap-parts: HOI4D: the poses of the two parts are stored in exchanged order."),
+    flag("--swap-parts: HOI4D: the poses of two parts are in another order than their kind has."),
     option(
         "--mean-pose/--no-mean-pose: Whether bare MANO parameters are relative to MANO's mean pose."
     ),

@@ -56,7 +56,7 @@ class ReaderOptions:
     translation: Translation | None = None
     """Point that the translation of a bare parameter array places: the wrist, or MANO's origin."""
     swap_parts: bool = False
-    """Whether the poses of an articulated object's two parts are stored in reversed order."""
+    """HOI4D: whether the poses of two parts are in another order than usual in their category."""
     mean_pose: bool | None = None
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
