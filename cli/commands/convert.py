@@ -38,7 +38,8 @@ def convert(
     """Convert the clips of SOURCE at or below each PATH to sequences.
 
     Writes one npz for each recording, the meshes of its objects beside them in objects/, and says
-    what it could not read. A clip that fails --check is not written.
+    what it could not read. A clip that fails --check is not written. Exit code 2 says that some
+    clips were not read, or failed.
     """
     from geneoh.readers.convert import convert as converted
     from geneoh.readers.recordings import find_clips, options_with_files, source_named
