@@ -93,7 +93,7 @@ def ruled_out_words(sentence: str) -> str:
 
 
 def unknown_words(sentence: str) -> str:
-    """A note on words that no caption of synthetic gestures has; empty without such words.
+    """A note on words that are not among `known_gesture_words`; empty without such words.
 
     Negations have a note of their own.
     """
