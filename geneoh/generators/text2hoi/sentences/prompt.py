@@ -236,7 +236,8 @@ def asked_hands(
     if one:
         return one[0], ()
     model, fingers = shipped_model(), _FINGERS.search(text)  # "two fingers" are of one hand
-    read = "" if fingers else model.hands[int(model.read(sentence).hands[0].argmax())]
+    aimless = _DIRECTION.sub("", text)  # "to the left" names no hand
+    read = "" if fingers else model.hands[int(model.read(aimless).hands[0].argmax())]
     if read == "left hand" or read == "right hand" or read == "both hands":
         return read, (f"the sentence names no hand plainly; it is read as '{read}'",)
     hands: HandsName = "both hands" if verb == "pass" and not fingers else "right hand"

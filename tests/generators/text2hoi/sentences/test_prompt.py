@@ -406,3 +406,10 @@ def test_fingers_are_of_one_hand(sentence):
 def test_directions_are_noted(sentence, way):
     noted = [note for note in read_prompt(sentence).notes if "the direction" in note]
     assert [note.split("'")[1] for note in noted] == ([] if way is None else [way])
+
+
+@pytest.mark.parametrize("sentence", ["slide the box to the left", "tilt it towards your left"])
+def test_a_direction_names_no_hand(sentence):
+    prompt = read_prompt(sentence)
+    assert prompt.hands == "right hand"
+    assert "the sentence names no hand; 'right hand' is taken" in prompt.notes
