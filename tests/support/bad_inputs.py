@@ -189,7 +189,7 @@ REFUSED = (
     BadInput("single npy", ("npz", "single .npy"), single_npy),
     BadInput("lying header", ("joints", "declares", "damaged"), lying_header),
     BadInput(
-        "Keypoints are flat, (T, 63)",
+        "Keypoints of an npz are flat, (T, 63)",
         ("joints", "(T, 21, 3)", "(6, 63)", "reshape"),
         with_arrays(joints=lambda joints: joints.reshape(FRAMES, 63)),
     ),
