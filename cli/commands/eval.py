@@ -16,7 +16,7 @@ from .. import evaluations, progress
 def eval(
     ctx: click.Context, folder: Path | None, inputs: Path | None, jobs: int | None, **other: Any
 ) -> None:
-    """Score methods of cleaning on noisy clips, or a generator of interactions.
+    """Score methods of cleaning on noisy clips, or a generator.
 
     Methods: the input; low-pass filters tuned once, and the best of all filters, alone and with the
     best offset, chosen with the ground truth, which no user has; optimisation without learning; a
@@ -24,9 +24,11 @@ def eval(
     Prints tables and writes scores.csv, evaluation.json, report.md and report.html. An interrupted
     run goes on when it is started again. Exit code 2 says that every clip of some method failed.
 
-    With --generator: prints how near its clips are to real ones, by accuracy and features of a
-    classifier of verbs, and how physical they are, beside real clips, random verbs and the nearest
-    training clips; and writes generation.json, generation.csv and generation.md.
+    With --generator text2hoi: prints how near its clips are to real ones, by accuracy and features
+    of a classifier of verbs, and how physical they are, beside real clips, random verbs and the
+    nearest training clips. With both2hands: how well its hands fit their sentences and bodies,
+    beside real ones and those of other clips. Writes generation.json, generation.csv and
+    generation.md.
     """
     from geneoh.evaluation.cases import find_cases, write_inputs
     from geneoh.evaluation.report import keep_other_reports, write_report
