@@ -99,7 +99,8 @@ class Stream:
             meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of
                 them; none for a hand without an object.
             fps: frame rate, frames a second.
-            lag: delay of the clean frame in seconds, 0 to 1; rounded to whole frames.
+            lag: delay of the clean frame in seconds, 0 to 1; rounded to whole frames, and at other
+                rates than 30 at least a thirtieth of a second.
             side: side of the hand.
             betas: (10,) hand shape for `hand_model`. Without them, or if they belong to another
                 hand model than `hand`, the shape is estimated from the keypoints of the first two
