@@ -10,7 +10,7 @@ import torch
 
 from geneoh.bundle import concatenated, spread
 from geneoh.choices import ActionDataset, Refiner
-from geneoh.errors import ConfigError
+from geneoh.errors import ConfigError, numbered
 from geneoh.evaluation.generation.classifier import (
     ActionClassifier,
     ClassifierConfig,
@@ -273,7 +273,7 @@ def _about_run(settings: dict[str, Any]) -> tuple[str, ...]:
     named = ", ".join(f"{seed} {mark}" for seed, mark in hashes.items())
     return (
         f"{settings['clips']} held-out clips; {about_repetitions(settings)}",
-        f"Means under {len(hashes)} classifiers of our own, trained alike on "
+        f"Means under {numbered(len(hashes), 'classifier')} of our own, trained alike on "
         f"{classifier['clips']} clips (seed and hash: {named}): scores under another one, such as "
         "the paper's, cannot be compared. Realism is a definition of our own, too.",
     )
