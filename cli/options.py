@@ -167,8 +167,8 @@ jobs = option("--jobs: Number of processes.  [default: one for each core]", COUN
 trust_and_refine = together(
     flag(
         "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "
-        "are smoothed before the hand is cleaned, and a filter that one of hand and object went "
-        "through is undone."
+        "are smoothed before the hand is cleaned, a filter that one of hand and object went "
+        "through is undone, and the motion of a camera is estimated."
     ),
     flag(
         "--refine-object: Write poses of the object that agree with the clean hands, and not "
