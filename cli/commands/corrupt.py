@@ -31,9 +31,9 @@ def corrupt(
 ) -> None:
     """Add noise to a clean sequence, as hand trackers make it.
 
-    CLEAN is an npz in any layout that geneoh reads. Its object is kept, unless --object-noise asks
-    for noisy poses. Writes CLEAN with the names of the noises before its ending, unless -o says
-    otherwise.
+    CLEAN is an npz in any layout that geneoh reads, or keypoints as npy, JSON or CSV. Its object is
+    kept, unless --object-noise asks for noisy poses. Writes an npz named like CLEAN with the names
+    of the noises before its ending, unless -o says otherwise.
     """
     import torch
 
