@@ -106,7 +106,8 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
         verb_notes += (f"the object moves as a whole: a mesh has no joint to {verb}",)
     if jointed and verb not in JOINTED:
         verb_notes += ("the closed object moves as a whole: 'open' or 'close' moves one part",)
-    if verb != "pass" and (way := _DIRECTION.search(" ".join(words))):
+    way = _DIRECTION.search(" ".join(words))
+    if way and not (verb == "pass" and way[0].endswith(SIDES)):  # to the left: to the left hand
         verb_notes += (f"'{way[0]}' is not followed: the networks choose the direction",)
     hands, hand_notes = asked_hands(made_of, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes, *rate_notes, *amount_notes)

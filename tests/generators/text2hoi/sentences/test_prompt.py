@@ -400,6 +400,8 @@ def test_fingers_are_of_one_hand(sentence):
         ("carry the mug to the left with the right hand", "to the left"),
         ("slide the sponge forward with the left hand", "forward"),
         ("pass the mug to the left hand", None),
+        ("pass the mug to the left", None),  # to the left hand
+        ("pass the mug forward", "forward"),
         ("carry the mug to the table with the left hand", None),
     ],
 )
