@@ -1,7 +1,8 @@
 import pytest
 import torch
 
-from tools.calibrate_spread import AIM, SpreadErrors, calibrated, measured
+from geneoh.evaluation.protocols.synthetic import draw_clip
+from tools.calibrate_spread import AIM, SpreadErrors, calibrated, lost_row, measured, while_lost
 
 
 def errors_of(scale: float, seed: int) -> SpreadErrors:
@@ -30,3 +31,15 @@ def test_every_keypoint_of_every_clip_is_measured():
     assert found.error.shape == found.sampled.shape == (8 * 21,)
     assert 0.001 < float(found.error.mean()) < 0.05
     assert float(found.sampled.mean()) > 0.001
+
+
+@pytest.mark.slow
+def test_keypoints_are_measured_while_the_hand_is_lost():
+    clip = draw_clip("mug", 0, 12)
+    error, sampled, told = while_lost(clip, 4, 0)
+    assert error.shape == (4 * 21,)
+    assert 0.0005 < float(error.mean()) < 0.05
+    assert bool((told > sampled).all())
+    inside = [float(cell) for cell in lost_row([clip], 4).split(" | ")]
+    assert inside[0] == pytest.approx(1000 * float(error.square().mean().sqrt()), abs=0.5)
+    assert inside[2] >= inside[1] > 0
