@@ -21,6 +21,7 @@ from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
+from geneoh.objects.evidence import APART, distance_of_parts
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
@@ -254,9 +255,13 @@ class Piece(NamedTuple):
 def stage_context(
     surface: MovingSurface, subject: Subject, fps: float, *, generator: torch.Generator
 ) -> StageContext:
-    """The context of a hand with an object; surface points are distributed over parts by area."""
+    """The context of a hand with an object; surface points are distributed over parts by area, and
+    parts that the hand is never near, such as furniture, get few of them."""
     fields = surface.fields
     areas = torch.tensor([float(field.mesh.face_vectors().norm(dim=-1).sum()) for field in fields])
+    if len(fields) > 1:
+        near = (distance_of_parts(subject.joints, surface) < APART).any(0).cpu()
+        areas = areas * near if near.any() else areas
     counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
     drawn = [
         sample_surface(field.solid, int(count), generator=generator)
