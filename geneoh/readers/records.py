@@ -39,6 +39,9 @@ AS_DISTRIBUTED = "check that this is the file of the data set, as it is distribu
 RESHAPE = "reshape it"
 """Beginning of the remedy for a wrong field where the arrays are a user's own."""
 
+IN_RADIANS = "in radians"
+"""Unit of rotations, which are axis-angle vectors or matrices."""
+
 OF_OBJECTS = "make numbers of it with astype(float)"
 """What to do about a caller's array of Python objects."""
 
@@ -85,7 +88,11 @@ class Record:
         cure = remedy if array.size else "at least one frame is needed"
         if not cure and self.remedy.startswith(RESHAPE) and is_transposed(array.shape, shapes):
             cure = "bring its axes into this order with transpose, reshape would mix them"
-        if array.shape[-1:] == (4,) and any(matches((*array.shape[:-1], 3), s) for s in shapes):
+        others = array.shape[-1:] in ((4,), (6,)) or array.shape[-2:] == (3, 3)
+        # with a remedy of its own, six numbers a frame may be coefficients
+        if unit == IN_RADIANS and others and (array.ndim > 2 or not remedy):
+            cure = "turn each rotation into an axis-angle vector"
+        elif array.shape[-1:] == (4,) and any(matches((*array.shape[:-1], 3), s) for s in shapes):
             cure = (
                 "keep the first three numbers of each; where the fourth is a score, save it apart"
             )

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import is_rotation
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import IN_RADIANS, Array, Record
 
 SINGULAR = 1e-12
 """Determinant below which a matrix counts as singular."""
@@ -56,7 +56,10 @@ def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
 def read_turns(record: Record, name: str, *counts: int, remedy: str = "") -> Array:
     """(T, J, 3) axis-angle, or (T, J, 3, 3) matrices after a check; J is one of `counts`."""
     shapes = [s for n in counts for s in (("T", 3 * n), ("T", n, 3), ("T", n, 3, 3))]
-    turns = record.array(name, *shapes, unit="in radians", remedy=remedy)
+    shapes += [("T", 3, 3)] * (counts == (1,))
+    turns = record.array(name, *shapes, unit=IN_RADIANS, remedy=remedy)
+    if counts == (1,) and turns.shape[1:] == (3, 3):
+        turns = turns[:, None]
     if turns.ndim < 4:
         return turns.reshape(len(turns), -1, 3)
     refuse_other_matrices(record, name, turns)

@@ -13,12 +13,14 @@ from geneoh.readers.joint_orders import order_of_points
 from geneoh.readers.keypoints.missing import without_missing
 from geneoh.readers.npz import layouts
 from geneoh.readers.npz.layouts import JOINT_NAMES, quoted
-from geneoh.readers.records import Notes, Record
+from geneoh.readers.records import IN_RADIANS, Notes, Record
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.sequence import HandTrack, refuse_unknown_model
 
 IN_CONFIDENCE = "write 0 where nothing is known of a keypoint, or leave the field out"
 """What to do about NaN in a confidence."""
+OF_THE_HAND = "give the ten of a MANO hand, those of a body say nothing about it, or leave them out"
+"""What to do about another number of betas."""
 
 
 def read_hand_model(record: Record, side: Side, default: str | None = None) -> str | None:
@@ -33,7 +35,7 @@ def read_betas(
     record: Record, name: str, mask: str = "valid"
 ) -> tuple[Float[Tensor, " 10"] | None, Notes]:
     """Shape coefficients; if there is a set per frame, their mean over the mask, with a note."""
-    betas, notes = record.tensor(name, (10,), ("T", 10)), ()
+    betas, notes = record.tensor(name, (10,), ("T", 10), remedy=OF_THE_HAND), ()
     if betas is not None and betas.ndim == 2:
         observed = betas[frames_with_shape(record, betas, mask)]
         notes = (f"'{name}' averaged over {len(observed)} frames",) if len(betas) > 1 else ()
@@ -98,7 +100,7 @@ def read_track(
     openpose = {"unit": "in metres, in OpenPose order", "remedy": order_remedy(record, names)}
     joints = record.tensor(field["joints"], ("T", 21, 3), **openpose)
     if pose is None:
-        pose = record.tensor(field["pose"], ("T", 48), ("T", 16, 3), unit="in radians")
+        pose = record.tensor(field["pose"], ("T", 48), ("T", 16, 3), unit=IN_RADIANS)
         pose = None if pose is None else pose.reshape(-1, 16, 3)
     if wrist is None:
         wrist = record.tensor(field["wrist"], ("T", 3), unit="in metres")

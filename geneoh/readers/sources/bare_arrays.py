@@ -35,7 +35,7 @@ from geneoh.readers.npz.files import in_metres
 from geneoh.readers.npz.hands import side_of
 from geneoh.readers.npz.objects import read_object
 from geneoh.readers.npz.tracks import frames_with_shape, observed_frames, read_confidence
-from geneoh.readers.records import Array, Notes, Record
+from geneoh.readers.records import IN_RADIANS, Array, Notes, Record
 
 KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"
 PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side by side in a npy"
@@ -82,7 +82,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     betas = record.optional_array("betas", (10,), ("T", 10))
     if betas is not None and betas.ndim == 2:
         betas = betas[frames_with_shape(record, torch.from_numpy(betas)).numpy()].mean(0)
-    pose = record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48)
+    pose = record.array("pose", ("T", 48), ("T", 16, 3), unit=IN_RADIANS).reshape(-1, 48)
     record.refuse_lengths("pose", "trans", "valid", "confidence")
     pose, notes = observed(record, side, "pose", pose)
     confidence = read_confidence(record, "confidence")

@@ -149,9 +149,10 @@ def test_smplx_files_may_say_whose_betas_they_have():
         assert hand.hand_model == model
 
 
-def test_rotation_matrices_are_read_as_the_same_pose():
+@pytest.mark.parametrize("root", [0, slice(1)])
+def test_rotation_matrices_are_read_as_the_same_pose(root):
     matrices = axis_angle_to_matrix(torch.from_numpy(POSE)).numpy()
-    arrays = {**SMPLX, "global_orient": matrices[:, :1], "hand_pose": matrices[:, 1:]}
+    arrays = {**SMPLX, "global_orient": matrices[:, root], "hand_pose": matrices[:, 1:]}
     torch.testing.assert_close(
         only(read(arrays, side="right")).pose, torch.from_numpy(POSE), rtol=0, atol=1e-6
     )
@@ -178,11 +179,16 @@ def test_frames_without_the_hand_have_no_betas():
             {"hand_pose": POSE[:, 1:9].reshape(T, 24)},
             "'hand_pose' must be numbers of shape (T, 45) or .*in radians.*PCA",
         ),
+        ({"hand_pose": np.zeros((T, 6))}, "of PCA coefficients say 'use_pca'"),
+        ({"hand_pose": np.zeros((T, 15, 4))}, "; turn each rotation into an axis-angle"),
+        ({"hand_pose": np.zeros((T, 15, 6))}, "; turn each rotation into an axis-angle"),
+        ({"global_orient": np.zeros((T, 4))}, "; turn each rotation into an axis-angle"),
         ({"flat_hand_mean": np.array(False)}, "'flat_hand_mean' must be true"),
         ({"global_orient": None}, "no 'global_orient'"),
         ({"transl": None}, "needs its joints, or its pose with the wrist's place"),
         ({"transl": PLACE[:3]}, "'transl' with 3"),
         ({"betas": np.full(10, np.nan)}, "betas must be finite"),
+        ({"betas": np.zeros(16)}, "'betas' must be .*got (16,) .*; give the ten of a MANO hand"),
         (
             {"global_orient": np.tile(np.diag([1.0, 1.0, -1.0]), (T, 1, 1, 1))},
             "'global_orient' must be rotation matrices with .*-1.0]] in row 0",
@@ -194,6 +200,13 @@ def test_smplx_refusals_say_what_to_do(change, words):
     pattern = ".*".join(re.escape(part) for part in words.split(".*"))
     with pytest.raises(InputError, match=pattern):
         read(arrays, side="right")
+
+
+@pytest.mark.parametrize("form", [(4,), (6,), (3, 3)])
+def test_quaternions_are_not_told_to_lose_their_fourth_number(form):
+    arrays = {**OWN, "right_pose": np.zeros((T, 16, *form)), "right_wrist": PLACE}
+    with pytest.raises(InputError, match=r"'right_pose' must be .*; turn each rotation into an"):
+        read(arrays)
 
 
 def test_a_pose_that_needs_no_mean_may_say_so():
