@@ -16,8 +16,8 @@ from torch import Tensor
 from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.library import load_hand
-from geneoh.hand.mano import AS_SHIPPED, MANO_NAMES, MENDED, load_pose_space, name_of
+from geneoh.hand.library import hand_of_betas, load_hand
+from geneoh.hand.mano import AS_SHIPPED, MANO_NAMES, find_mano, load_pose_space, name_of
 from geneoh.readers import mano
 from geneoh.readers.base import finite_frames
 from geneoh.readers.keypoints.missing import without_missing
@@ -137,14 +137,11 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
     wrist, notes = None, ()
     transl = record.tensor("transl", ("T", 3), unit="in metres")
     joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
-    if joints is not None:
+    if transl is not None and (joints is None or knows_wrist(record, side, model, mano_dir)):
+        offset, notes = offset_of_wrist(side, model, read_betas(record, "betas")[0], mano_dir)
+        wrist = transl + offset
+    elif joints is not None:
         wrist = without_missing(joints, None)[0][:, 0]
-    elif transl is not None and mano_dir is None:
-        wrist, notes = transl + float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
-    elif transl is not None:  # by default smplx's hand, which is the left one as shipped
-        betas = read_betas(record, "betas")[0] if model in MANO_NAMES else None
-        hand = load_hand(side, source=MENDED if model == MENDED else AS_SHIPPED, mano_dir=mano_dir)
-        wrist = transl + hand.rest_wrist(torch.zeros(10) if betas is None else betas)
     names = {**JOINT_NAMES, "betas": "betas"}
     pose = torch.cat([root, fingers + mean], dim=1)
     made = {"parameters": SMPLX_PARAMETERS, "pose": pose, "wrist": wrist}
@@ -197,3 +194,28 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
     remedy = "of PCA coefficients say 'use_pca' and pass --mano" if count > 1 else ""
     turns = float32(read_turns(record, name, count, remedy=remedy))
     return turns if turns.ndim < 4 else matrix_to_axis_angle(turns)
+
+
+def knows_wrist(record: Record, side: Side, model: str | None, mano_dir: Path | str | None) -> bool:
+    """Whether the translation gives the exact wrist: the file names its hand model, and it is
+    there. The first keypoint of a result may be millimetres from the wrist of its hand."""
+    if "hand_model" not in record:
+        return False
+    if mano_dir is not None:
+        with suppress(MissingAssetError):
+            return bool(find_mano(side, mano_dir))
+    return model not in MANO_NAMES
+
+
+def offset_of_wrist(
+    side: Side,
+    model: str | None,
+    betas: Float[Tensor, " 10"] | None,
+    mano_dir: Path | str | None,
+) -> tuple[Float[Tensor, " 3"], Notes]:
+    """Offset from the origin to the wrist of the hand that the betas belong to; that of MANO's mean
+    hand without its files."""
+    if model in MANO_NAMES and mano_dir is None:
+        return float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
+    hand = hand_of_betas(side, model, mano_dir=mano_dir)
+    return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()

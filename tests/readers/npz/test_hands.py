@@ -9,7 +9,6 @@ from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.readers.mano import read_mano
-from geneoh.readers.npz import hands as module
 from geneoh.readers.npz.hands import read_hands
 from geneoh.readers.npz.layouts import layout_of
 from geneoh.readers.records import Record
@@ -62,17 +61,28 @@ def test_the_side_of_a_hand_may_be_in_capitals():
     assert only(read({**TACO, "side": np.array("Left")})).side == "left"
 
 
-def test_smplx_translation_plus_the_models_wrist_is_the_wrist(monkeypatch):
+def test_smplx_translation_plus_the_models_wrist_is_the_wrist():
     model = load_hand("right")
     verts = model.template + torch.einsum("vcs,s->vc", model.shape_dirs, torch.from_numpy(BETAS))
-    monkeypatch.setattr(module, "load_hand", lambda side, **_: {"right": model}[side])
-    reading = read(SMPLX, side="right", mano_dir="anywhere")
+    reading = read({**SMPLX, "hand_model": np.array("embedded")}, side="right")
     hand = only(reading)
     torch.testing.assert_close(
         hand.wrist, torch.from_numpy(PLACE) + model.joint_regressor[0] @ verts
     )
     np.testing.assert_array_equal(hand.pose, POSE)
     assert reading[1] == ()
+
+
+def test_the_wrist_of_a_known_hand_is_not_the_first_keypoint(mano_dir):
+    named = {**SMPLX, "joints": JOINTS}
+    for model, folder in (("embedded", None), ("mano", mano_dir)):
+        arrays = {**named, "hand_model": np.array(model)}
+        hand = load_hand("left", source=model, mano_dir=folder)
+        wrist = torch.from_numpy(PLACE) + hand.rest_wrist(torch.from_numpy(BETAS))
+        torch.testing.assert_close(only(read(arrays, side="left", mano_dir=folder)).wrist, wrist)
+    unknown = (named, {**named, "hand_model": np.array("mano")})
+    for arrays in unknown:
+        np.testing.assert_array_equal(only(read(arrays, side="left")).wrist, JOINTS[:, 0])
 
 
 @pytest.mark.parametrize("model", ["mano", "mano-as-shipped"])
