@@ -62,8 +62,8 @@ def load_mano(
 ) -> HandModel:
     """One MANO hand, of the convention `name`; see `geneoh.hand.library.load_hand`.
 
-    A left file with already mirrored shape directions is recognised if the right file lies beside
-    it. Its directions are kept for "mano" and mirrored back for "mano-as-shipped".
+    The directions of a left file that are mirrored already are kept for "mano", and mirrored back
+    for "mano-as-shipped".
     """
     path = find_mano(side, mano_dir)
     fields = _read_fields(path)
@@ -222,15 +222,16 @@ def _refuse_other_side(path: Path, side: Side, fields: dict[str, np.ndarray]) ->
 
 
 def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:
-    """Whether a left file has the right hand's shape directions; True if no right file is found."""
-    try:
+    """Whether a left file has the right hand's shape directions: by the right file beside it, else
+    because shapes that widen the hand shorten it. People differ in the size of the hand first."""
+    with suppress(MissingAssetError):
         right = _read_fields(find_mano("right", path.parent))
-    except MissingAssetError:
-        return True
-    if right["shapedirs"].shape != left["shapedirs"].shape:
-        return True
-    gap = np.abs(right["shapedirs"][:, 0] - left["shapedirs"][:, 0]).max()
-    return bool(gap < SAME_SHAPE)
+        if right["shapedirs"].shape == left["shapedirs"].shape:
+            gap = np.abs(right["shapedirs"][:, 0] - left["shapedirs"][:, 0]).max()
+            return bool(gap < SAME_SHAPE)
+    verts, dirs = (left[name].astype(float) for name in ("v_template", "shapedirs"))
+    growth = np.einsum("vc,vcs->cs", verts - verts.mean(0), dirs)
+    return float((growth[0] * growth[1:].sum(0)).sum()) <= 0
 
 
 def _model(side: Side, fields: dict[str, np.ndarray], name: ManoName) -> HandModel:

@@ -211,6 +211,18 @@ def test_left_file_that_was_mended_before_is_left_alone(tmp_path, chumpy):
     )
 
 
+@pytest.mark.parametrize("is_mended", [True, False])
+def test_left_file_without_the_right_one_is_told_by_how_it_grows(tmp_path, is_mended):
+    left = plain_arrays("left")
+    shipped, flip = left["shapedirs"], np.array([-1.0, 1.0, 1.0])[:, None]
+    mended = shipped * flip
+    left["shapedirs"] = mended if is_mended else shipped
+    np.savez(tmp_path / "MANO_LEFT.npz", **left)
+    for name, expected in (("mano", mended), ("mano-as-shipped", shipped)):
+        found = load_mano("left", tmp_path, name=name).shape_dirs.numpy()
+        np.testing.assert_array_equal(found, expected.astype(np.float32))
+
+
 def test_folder_comes_from_the_environment(tmp_path, chumpy, monkeypatch):
     (tmp_path / "models").mkdir()
     path = write(tmp_path / "models", arrays=plain_arrays())
