@@ -4,6 +4,7 @@ The caller must pass what the file leaves open and only its owner knows, such as
 hand. Assumptions are noted.
 """
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -163,10 +164,20 @@ def mean_to_add(
             "true (zero is the flat hand) without MANO",
             "pass --mano, by which the mean pose is added, or add hands_mean to 'hand_pose'",
         )
-    if flat == 0:
-        return load_pose_space(side, mano_dir).mean.reshape(15, 3), ()
-    note = "the pose is taken as absolute; 'flat_hand_mean' says otherwise"
-    return torch.zeros(15, 3), () if flat else (note,)
+    mean = load_pose_space(side, mano_dir).mean if flat == 0 else torch.zeros(45)
+    return mean.reshape(15, 3), () if flat else tuple(pose_assumed(record))
+
+
+def pose_assumed(record: Record) -> Iterator[str]:
+    """A note on how the pose is read, where fields that say so are missing."""
+    meanings = {"flat_hand_mean": "absolute"}
+    if record.numbers("hand_pose").ndim == 2:  # coefficients have one axis as well
+        meanings["use_pca"] = "axis-angle vectors"
+    untold = [name for name in meanings if name not in record]
+    if untold:
+        taken = " ".join(meanings[name] for name in untold)
+        verb = "says" if len(untold) == 1 else "say"
+        yield f"the pose is taken as {taken}; {' and '.join(map(repr, untold))} {verb} otherwise"
 
 
 def read_fingers(

@@ -222,9 +222,19 @@ def test_quaternions_are_not_told_to_lose_their_fourth_number(form):
 def test_a_pose_that_needs_no_mean_may_say_so():
     _, told = read(SMPLX, side="right")
     _, silent = read({n: v for n, v in SMPLX.items() if n != "flat_hand_mean"}, side="right")
-    words = "the pose is taken as absolute; 'flat_hand_mean' says otherwise"
-    assert words in silent
-    assert words not in told
+    both = "'flat_hand_mean' and 'use_pca' say otherwise"
+    assert f"the pose is taken as absolute axis-angle vectors; {both}" in silent
+    assert "taken as" not in " ".join(told)
+
+
+def test_a_pose_of_as_many_numbers_as_coefficients_is_told(mano_dir):
+    relative = {**SMPLX, "flat_hand_mean": np.array(False)}
+    _, notes = read(relative, side="left", mano_dir=mano_dir)
+    words = "the pose is taken as axis-angle vectors; 'use_pca' says otherwise"
+    assert words in notes
+    vectors = {**relative, "hand_pose": POSE[:, 1:]}
+    for arrays in (vectors, {**relative, "use_pca": np.array(False)}):
+        assert words not in read(arrays, side="left", mano_dir=mano_dir)[1]
 
 
 def test_the_mean_pose_is_added_where_the_file_says_so_and_mano_is_there(mano_dir):
