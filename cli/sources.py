@@ -40,7 +40,8 @@ reader_options = options.together(
     options.unit,
     option(
         "--keypoint-unit: Unit of bare keypoints, and of the poses of object and camera and the "
-        "`camera_position` beside them.  "
+        "`camera_position` beside them, except poses in TUM's or KITTI's format, which are in "
+        "metres.  "
         "[default: m]",
         Choice(UNITS),
     ),

@@ -3,7 +3,8 @@
 A row is a pose, object to the hand's frame: a translation and a quaternion in named columns or
 fields, such as `tx`, `qw`, `pose.position.x` or `q_RS_w []`, or a matrix in row-major order.
 Without names, space-separated rows of 8 numbers have TUM's format (seconds, translation, quaternion
-xyzw), rows of 12 KITTI's; rows of 16 and blocks of 4 x 4, as in logs of Open3D, are whole matrices.
+xyzw), rows of 12 KITTI's, both in metres; rows of 16 and blocks of 4 x 4, as in logs of Open3D, are
+whole matrices.
 """
 
 import re
@@ -14,11 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.files.reading import head_of, separator_of
+from geneoh.geometry.mesh import METRES
 from geneoh.readers import bop
 from geneoh.readers.clock import CLOCK_NAMES, FRAME_NAMES, TIME_NAMES, is_column, unit_by_steps
-from geneoh.readers.column_names import plain_name
+from geneoh.readers.column_names import UNIT, coordinate_in, plain_name
 from geneoh.readers.foreign_files import by_frame, number_in, read_json, read_text, time_in
 from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.pose_tables import (
@@ -102,7 +105,9 @@ def table_in_text(path: Path) -> Table:
             f"{path}: expected rows that are as long as each other and as their heading, got "
             f"{got}rows of {sorted(widths)[:4]} cells; correct the table"
         )
-    if separator is None and widths == {len(TUM)} and names in ([], TUM):
+    is_tum = separator is None and widths == {len(TUM)} and names in ([], TUM)
+    is_kitti = separator is None and widths == {12} and not names
+    if is_tum:
         # some programs write nanoseconds, which as seconds would be millennia
         names = TUM if number_in(rows[0][0]) > LATEST_SECOND else ["timestamp_s", *TUM[1:]]
     dated = {at for at, name in enumerate(names) if plain_name(name) in TIME_NAMES}
@@ -110,7 +115,16 @@ def table_in_text(path: Path) -> Table:
         [time_in(cell) if at in dated else number_in(cell) for at, cell in enumerate(row)]
         for row in rows
     ]
-    return Table(path, names, np.array(numbers))
+    unit = "m" if is_tum or is_kitti else unit_in(names)
+    return Table(path, names, np.array(numbers), unit)
+
+
+def unit_in(names: Iterable[str]) -> Unit | None:
+    """The unit of lengths that a heading names in brackets, if any: that of `p_RS_R_x [m]`."""
+    places = (name for name in names if (at := coordinate_in(name)) and not at.is_turn)
+    named = {found[1] for name in places if (found := UNIT.search(name))}
+    units: list[Unit] = [unit for unit in METRES if unit in named]
+    return units[0] if len(units) == 1 else None
 
 
 def matrices_of_log(rows: list[list[str]]) -> list[list[str]]:

@@ -341,6 +341,18 @@ def test_poses_in_millimetres_are_scaled_once(tmp_path):
         np.testing.assert_allclose(found.object.translation[:, 0], PLACES, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["tum", "kitti", "euroc", "in mm"])
+def test_units_of_formats_and_headings_hold_beside_keypoints_in_millimetres(tmp_path, name):
+    path = hand_of(tmp_path, TIMES, timestamps=TIMES)
+    values = dict(np.load(path))
+    np.savez(path, **{**values, "joints": 1000 * values["joints"]})
+    heading = "time,x [mm],y [mm],z [mm],qx,qy,qz,qw"
+    texts = {**TRAJECTORIES, "in mm": table(heading, TIMES, 1000 * PLACES, XYZW)}
+    (tmp_path / "obj.txt").write_text(texts[name])
+    found = geneoh.load(path, object_pose=tmp_path / "obj.txt", keypoint_unit="mm")
+    np.testing.assert_allclose(found.object.translation[:, 0], PLACES, atol=1e-5)
+
+
 def pose(number: int) -> np.ndarray:
     """A pose that tells the number of its frame."""
     found = np.eye(4)
