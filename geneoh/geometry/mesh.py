@@ -24,6 +24,8 @@ LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
 """Range of the longest side of an object that a hand holds, metres; beyond it the unit is probably
 wrong."""
 
+LARGEST_ROOM = 20.0  # longest side of a scan of surroundings, metres
+
 METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}  # length of each unit in metres
 
 INCH = 0.0254  # metres; no option names it
@@ -144,11 +146,14 @@ def size_warning(mesh: Mesh) -> str | None:
     if size > LARGEST_OBJECT:
         units: tuple[Unit, ...] = ("mm", "cm")
         unit = min(units, key=lambda unit: abs(math.log(size * METRES[unit] / USUAL_OBJECT)))
+        room = "; if it is a room or a large thing, give the part that hands touch, at most "
+        room += f"{LARGEST_OBJECT:g} m long"
         inches = f"; if it is in inches, scale it to metres first, by {INCH:g}"
         return (
             f"the mesh is {size:.3g} m long, too large for a hand: its unit is probably {unit}, "
             f"pass --unit {unit} or scale its vertices by {METRES[unit]:g}"
             + (inches if unit == "cm" else "")
+            + (room if size < LARGEST_ROOM else "")
         )
     if size < SMALLEST_OBJECT:
         return (
