@@ -9,6 +9,7 @@ from torch import Tensor
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import Mesh, checked_mesh, size_warning, tidied
 from geneoh.geometry.mesh_files import meshes_of
+from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz.files import load
 from geneoh.sequence.gaps import fill_object, without_placeholders
 from geneoh.sequence.sequence import Sequence
@@ -30,8 +31,8 @@ def as_sequence(
             f"geneoh.denoise takes a Sequence or the npz file of one, got {type(given).__name__}; "
             "geneoh.from_arrays makes a Sequence of arrays, and a result has one in .sequence"
         )
-    if obj is not None:
-        given = replace(given, object=replace(given.object, meshes=meshes_of(obj)))
+    motion = given.object if obj is None else replace(given.object, meshes=meshes_of(obj))
+    given = replace(given, object=with_parts(motion)[0])
     found: list[bool] = []
     copy = given.map(lambda values: own(values, found))
     return copy if any(found) else given

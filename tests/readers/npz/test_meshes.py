@@ -12,6 +12,7 @@ import geneoh
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive, write_archive
 from geneoh.geometry.mesh_files import load_mesh
+from geneoh.pipeline.inputs import as_sequence
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -146,6 +147,10 @@ def test_a_file_of_several_meshes_is_its_parts_where_there_are_as_many_poses(kep
     geneoh.save(sequence, scene.with_name("again.npz"))
     again = geneoh.load(scene.with_name("again.npz")).object.meshes
     assert [mesh.sha256 for mesh in again] == [mesh.sha256 for mesh in sequence.object.meshes]
+    alone = replace(sequence, object=replace(sequence.object, meshes=()))
+    whole = replace(sequence, object=replace(sequence.object, meshes=load_mesh(scene)))
+    for taken in (as_sequence(alone, scene), as_sequence(whole, None)):
+        assert taken.object == sequence.object
 
 
 def test_the_meshes_of_the_parts_in_another_order_are_refused(tmp_path):
