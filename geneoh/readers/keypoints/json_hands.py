@@ -19,7 +19,7 @@ from geneoh.readers.column_names import side_in, words_of
 from geneoh.readers.keypoints import mediapipe
 from geneoh.readers.keypoints.leap import hands_of_leap, is_leap
 from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
-from geneoh.readers.keypoints.tables import Numbering
+from geneoh.readers.keypoints.tables import NOT_READ, Numbering
 from geneoh.readers.records import Array
 
 
@@ -34,11 +34,12 @@ POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keyp
 SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
 SIDES_OF_HANDS += ("handtype", "type")
 SCORES = ("score", "confidence")
+SCORES_OF_POINTS = (*SCORES, "scores", "confidences", "keypointscores")
 LISTS_OF_HANDS = ("hands", "predictions", "detections", "instances", "people")
 PLACES = ("position", "translation", "location", "pose")
 POINT_NAMES = ("name", "joint", "jointname", "bone", "id")
-"""Names of fields: the points, the side and the score of a hand, the hands of a frame, and the
-coordinates and the name of a point."""
+"""Names of fields: the points, the side and the score of a hand, scores of its points, the hands of
+a frame, and the coordinates and the name of a point."""
 BESIDE_SIDE = {"hand", "hands", "keypoints", "joints", "landmarks", "points", "3", "d"}
 """Words that may stand beside the side in the name of a field with the hand of that side."""
 LARGEST_NUMBER = 1e300
@@ -63,17 +64,19 @@ def read_hands(
     reader.numbering.refuse_unused()
     for track in tracks.values():
         mediapipe.refuse_image_landmarks(track.points, where)
-    centred = mediapipe.NOTES if reader.centred else ()
+    about = mediapipe.NOTES if reader.centred else ()
+    if reader.has_scores_of_points:
+        about = (*about, NOT_READ.format("the confidences of single points"))
     stamps = mediapipe.stamps_in(value, frames, where)
     unit = "mm" if any(map(is_leap, frames)) else "m"
-    return mediapipe.Landmarks(tracks, (*centred, *notes), stamps, unit=unit)
+    return mediapipe.Landmarks(tracks, (*about, *notes), stamps, unit=unit)
 
 
 class _Frames:
     """Reads the frames of one file."""
 
     def __init__(self, side: Side | None, numbering: Numbering) -> None:
-        self.numbering, self.centred = numbering, False
+        self.numbering, self.centred, self.has_scores_of_points = numbering, False, False
         self._side: Side | None = side
 
     def hands(self, frame: Any, where: str) -> list[mediapipe.Detected]:
@@ -97,6 +100,8 @@ class _Frames:
         """The hands in a frame or a part of it; `side` and `score` are from the enclosing value."""
         points = self._points(value, where)
         if points is not None:
+            first = next(iter(value.values() if isinstance(value, dict) else value), None)
+            self.has_scores_of_points |= any(name in _called(first) for name in SCORES)
             yield mediapipe.Detected(side or self._side, score, points)
         elif depth == DEEPEST_NESTING:
             return
@@ -105,6 +110,10 @@ class _Frames:
                 yield from self._hands(each, where, side, score, depth + 1)
         elif isinstance(value, dict):
             label, score = _side_and_score(value, side, score)
+            fields = _called(value)
+            self.has_scores_of_points |= any(
+                isinstance(fields.get(name), list) for name in SCORES_OF_POINTS
+            )
             for part, of in self._parts(value, where, label):
                 yield from self._hands(part, where, of, score, depth + 1)
 

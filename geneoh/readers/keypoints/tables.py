@@ -41,6 +41,11 @@ POINT_COLUMNS = tuple(
     for point in ("landmark", "joint", "keypoint")
     for end in ("", "_id", "_index", "_name", "id", "name")
 )
+NOT_READ = (  # a note; the braces are for what is not read
+    "{} are not read: an npz of 'joints' (T, 21, 3) takes them as 'confidence' (T, 21), from 0 to 1"
+)
+SCORE_WORDS = {"confidence", "score"}
+"""Words in the names of columns that hold them."""
 UNREAD = re.compile(r"[^#]*\d[^#]*")
 """A cell that should be a number; `1.#QNAN`, the NaN of older programs of Windows, should not."""
 
@@ -84,9 +89,10 @@ def points_in_rows(
         track.trust[frame - first] = 1.0
     for track in found.values():
         mediapipe.refuse_image_landmarks(track.points, str(path))
-    return mediapipe.Landmarks(
-        *mediapipe.as_one_hand(found, side), times_in(rows, frames, path), first
-    )
+    tracks, notes = mediapipe.as_one_hand(found, side)
+    if any(SCORE_WORDS & {*words_of(name)} for name in names):
+        notes = (*notes, NOT_READ.format("the confidences in its columns"))
+    return mediapipe.Landmarks(tracks, notes, times_in(rows, frames, path), first)
 
 
 def read_rows(path: Path) -> tuple[list[Row], list[str]]:

@@ -136,6 +136,15 @@ def test_times_scores_and_frames_without_a_hand_are_kept(read):
     np.testing.assert_allclose(sequence.hands[0].confidence[0], 0.9)
 
 
+@pytest.mark.parametrize("name", ["keypoint_scores", "confidence", None])
+def test_scores_of_single_points_are_told_to_be_unread(name, read):
+    each = [{**xyz(point), "score": 0.2} if name is None else xyz(point) for point in POINTS[0]]
+    beside = {} if name is None else {name: [0.5] * 21}
+    words = "the confidences of single points are not read"
+    assert words in read([{"right": {"points": each, **beside}}]).source
+    assert words not in read([{"right": {"points": POINTS[0].tolist(), "score": 0.5}}]).source
+
+
 @pytest.mark.parametrize("name", ["timestampMs", "Time", "frameIndex"])
 def test_times_may_have_names_in_any_way_of_writing(name, read):
     step = {"timestampMs": 20, "Time": 0.02, "frameIndex": 1}[name]

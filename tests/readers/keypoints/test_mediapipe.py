@@ -455,6 +455,14 @@ def test_a_cell_without_a_number_is_not_observed(cell, read_table):
     assert (hand.confidence == 0).nonzero().tolist() == [[1, 3]]
 
 
+def test_confidences_of_a_table_are_told_to_be_unread(read_table):
+    header, rows = TABLES["x0"]
+    words = "the confidences in its columns are not read"
+    assert words not in read_table(header, rows, side="right").source
+    more = [[*row, 0.5] for row in rows]
+    assert words in read_table([*header, "x20_score"], more, side="right").source
+
+
 def test_the_unit_of_a_table_can_be_said(read_table):
     header, rows = TABLES["x0"]
     in_mm = [[row[0], *(1000 * number for number in row[1:])] for row in rows]
