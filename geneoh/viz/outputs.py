@@ -77,7 +77,8 @@ def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
         ending, hands = path.suffix.lower(), scene.versions[-1].hands
         if ending == ".npz" and scene.body is None and len(hands) != 1:
             raise InputError(
-                f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
+                f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side, or in "
+                "Python replace(sequence, hands=sequence.hand(SIDE))"
             )
         if ending in (".npz", ".bvh") and scene.body is not None and len(hands) < 2:
             got = " and ".join(hand.side for hand in hands)

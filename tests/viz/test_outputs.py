@@ -62,7 +62,7 @@ def test_smplx_parameters_of_a_hand_alone_hold_no_object_and_are_ours(one_hand, 
 
 
 def test_two_hands_do_not_fit_the_smplx_names(scene, tmp_path):
-    with pytest.raises(InputError, match="one hand, got 2; pass --side"):
+    with pytest.raises(InputError, match="one hand, got 2; pass --side, or in Python replace"):
         write(scene, tmp_path / "clip.npz")
 
 
