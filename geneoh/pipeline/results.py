@@ -29,7 +29,7 @@ from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
 from geneoh.sequence.placing import placed_hand, placed_object
-from geneoh.sequence.resample import poses_over_frames
+from geneoh.sequence.resample import nearest_frames, poses_over_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 FROM_ARRAYS = "geneoh.from_arrays makes a Sequence of arrays"
@@ -88,6 +88,11 @@ class HandResult(Bundle):
 
     __eq__ = equal_values
     __repr__ = repr_by_shapes
+
+    def __getitem__(self, frames: Index) -> "HandResult":
+        """The chosen frames, and the samples of their time."""
+        samples = samples_during(self.samples, len(self.filled), frames)
+        return replace(super().__getitem__(frames), samples=samples)
 
     def placed(self, pose: Rigid) -> "HandResult":
         """The same hand and samples after a rigid motion in each frame."""
@@ -149,8 +154,9 @@ class Denoised(Bundle):
         return "\n".join((*(f"note: {doubt}" for doubt in self.doubts), *self.lines()))
 
     def __getitem__(self, frames: Index) -> "Denoised":
-        """The chosen frames; a step of n divides the frame rate by n."""
-        return replace(super().__getitem__(frames), sequence=self.sequence[frames])
+        """The chosen frames; a step of n divides the frame rate by n. Measures stay as they are."""
+        hands = {side: hand[frames] for side, hand in self.hands.items()}
+        return replace(super().__getitem__(frames), sequence=self.sequence[frames], hands=hands)
 
     def seen_from(self, camera: Rigid, given: Sequence) -> "Denoised":
         """The result for a sequence that was given in the frame of a moving camera and cleaned in
@@ -225,6 +231,19 @@ class Denoised(Bundle):
             if len(hand.samples) > 1:
                 arrays[f"{side}_samples"] = hand.samples.detach().cpu().numpy()
         return arrays
+
+
+def samples_during(
+    samples: Float[Tensor, "S N 21 3"], count: int, frames: Index
+) -> Float[Tensor, "S M 21 3"]:
+    """The samples, which have a rate of their own, from the first to the last of some evenly spaced
+    frames of a clip of `count`; of other frames the sample nearest to each."""
+    frames = frames.cpu().numpy() if isinstance(frames, Tensor) else frames
+    chosen = np.arange(count)[frames]
+    at, steps = nearest_frames(samples.shape[1], count).numpy()[chosen], np.diff(chosen)
+    if len(at) and (steps > 0).all() and (steps == steps[:1]).all():
+        at = np.arange(at[0], at[-1] + 1)
+    return samples[:, at]
 
 
 def clean_track(

@@ -60,3 +60,20 @@ def test_a_notebook_shows_the_text_of_a_result_and_not_all_of_its_fields(result)
     result._repr_pretty_(SimpleNamespace(text=written.append), False)
     assert written == [str(result)]
     assert repr(result).startswith("Denoised(sequence=")
+
+
+@pytest.mark.parametrize("rate", [0.5, 1, 2])
+def test_chosen_frames_bring_the_samples_of_their_time(result, rate):
+    hand, count = result.hands["right"], result.sequence.frames
+    drawn = round((count - 1) * rate) + 1
+    place = torch.linspace(0, count - 1, drawn)[None, :, None, None].expand(2, -1, 21, 3)
+    result = replace(result, hands={"right": replace(hand, samples=place)})
+    for frames, first, last in ((slice(1, 5), 1, 4), (slice(0, 5, 2), 0, 4), (slice(4, 5), 4, 4)):
+        times = result[frames].hands["right"].samples[0, :, 0, 0]
+        assert len(times) == pytest.approx((last - first) * rate + 1, abs=1.1)
+        torch.testing.assert_close(
+            times[[0, -1]], torch.tensor([first, last]).float(), atol=1.5, rtol=0
+        )
+    shuffled = result[torch.tensor([5, 0, 3])].hands["right"].samples
+    expected = torch.tensor([5.0, 0.0, 3.0])
+    torch.testing.assert_close(shuffled[0, :, 0, 0], expected, atol=1.5, rtol=0)
