@@ -128,7 +128,12 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
         if known is None:
             known = model.template.new_zeros(model.shape_dirs.shape[-1])
             lacks, cure = "joints and betas", ""
-            if track.betas is not None:
+            if track.betas is not None and track.hand_model is None:
+                lacks, cure = (
+                    "joints and its betas without a hand model",
+                    " ('hand_model' names it)",
+                )
+            elif track.betas is not None:
                 lacks = "joints and its betas belong to another hand model"
                 if track.hand_model in MANO_NAMES:
                     cure = " (--hand mano takes them)"

@@ -58,6 +58,11 @@ def test_pose_alone_takes_the_mean_hand_and_says_so(hand_model):
         "the pose comes without joints and its betas belong to another hand model: the mean hand "
         "is used (--hand mano takes them)",
     )
+    unnamed = subject_of(replace(track, hand_model=None), MODEL)
+    assert unnamed.notes == (
+        "the pose comes without joints and its betas without a hand model: the mean hand is used "
+        "('hand_model' names it)",
+    )
     unknown = subject_of(replace(track, betas=None), MODEL)
     assert unknown.notes == ("the pose comes without joints and betas: the mean hand is used",)
 
