@@ -4,12 +4,16 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.hand.model import HandModel
+from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, OPENPOSE_FROM_MANO, bone_lengths
 
 OFFSET_STD = 0.0005  # standard deviation of a rest offset from pose and joints, metres
 BONE_STD = 0.002  # standard deviation of a bone length from noisy joints alone, metres
 GAUSS_NEWTON_STEPS = 8
+SIZE_FRAMES, STEADY_BONE = 10, 0.007
+"""Least frames, and largest standard deviation of lengths in metres, that tell a hand's size."""
+BONES = [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]
+"""Row of the rest offsets of each of the `bone_lengths`: row m - 1 ends in joint or tip m."""
 NORMAL_SPREAD = 1.4826  # standard deviation of a normal distribution / its median absolute value
 
 
@@ -40,10 +44,8 @@ def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float
 
     Gauss-Newton: lengths are almost linear in the betas, so a few steps reach the optimum."""
     mean, basis = _skeleton_basis(model)
-    # the bone in row m - 1 of the rest offsets ends in joint or tip m
-    order = [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]
     known = lengths.isfinite()
-    mean, basis, lengths = mean[order][known], basis[order][known], lengths[known]
+    mean, basis, lengths = mean[BONES][known], basis[BONES][known], lengths[known]
     betas = mean.new_zeros(basis.shape[-1])
     eye = torch.eye(len(betas)).to(basis)
     for _ in range(GAUSS_NEWTON_STEPS):
@@ -53,6 +55,17 @@ def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float
         miss = (lengths - length) / BONE_STD
         betas = betas + torch.linalg.solve(rows.T @ rows + eye, rows.T @ miss - betas)
     return betas
+
+
+def size_of(
+    joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"], shaped: ShapedHand
+) -> float:
+    """Size of the hand of keypoints relative to a shaped hand, by the median over the bones; 1
+    where lengths vary too much, or in too few frames, to tell it."""
+    lengths, noise = measured_lengths(joints, trust)
+    if len(joints) < SIZE_FRAMES or not bool(noise.nanmedian() < STEADY_BONE):
+        return 1.0
+    return float((lengths / shaped.offsets[BONES].norm(dim=-1)).nanmedian())
 
 
 def measured_lengths(

@@ -12,7 +12,7 @@ from geneoh.bundle import Bundle
 from geneoh.errors import numbered
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.fitting.own_skeleton import OwnSkeleton, own_skeleton
-from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets, measured_lengths
+from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets, measured_lengths, size_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.mano import MANO_NAMES
@@ -25,6 +25,9 @@ POSE_MISFIT = 0.015  # greatest mean distance of input joints to the posed hand'
 OTHER_SKELETON = 0.002
 """Root mean square difference of a tracker's rest offsets from those of the shaped hand, metres,
 from which its joints lie elsewhere: of the same skeleton, lasting errors explain 1 mm."""
+
+
+OTHER_SIZE = 0.07  # share by which joints and betas of one hand may differ in size
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,14 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
     else:
         betas = betas_from_lengths(model, measured_lengths(joints, trust)[0])
     shaped = model.shaped(betas)
+    if known is not None and filled.joints is not None:
+        larger = size_of(joints, trust, shaped) - 1
+        if abs(larger) > OTHER_SIZE:
+            size = f"{100 * abs(larger):.0f}% {'larger' if larger > 0 else 'smaller'}"
+            notes.append(
+                f"the given joints are those of a hand {size} than that of the given betas, whose "
+                "size is used: leave the betas out to have that of the joints"
+            )
     offsets = shaped.offsets if skeleton is None else skeleton
     start = None if rotations is None else HandState(rotations[None], posed[None, :, 0])
     return Subject(shaped, betas, offsets[None], joints, trust, start, tuple(notes))

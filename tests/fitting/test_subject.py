@@ -67,6 +67,18 @@ def test_pose_alone_takes_the_mean_hand_and_says_so(hand_model):
     assert unknown.notes == ("the pose comes without joints and betas: the mean hand is used",)
 
 
+@pytest.mark.parametrize(("scale", "words"), [(1.1, "10% larger"), (0.9, "10% smaller"), (1, "")])
+def test_joints_of_another_size_than_the_betas_are_told(scale, words):
+    betas = torch.linspace(-1.0, 1.0, 10)
+    track = replace(track_of(betas, 12), betas=betas, hand_model="embedded")
+    wrist = track.joints[:, :1]
+    subject = subject_of(replace(track, joints=wrist + scale * (track.joints - wrist)), MODEL)
+    assert torch.equal(subject.betas, betas)
+    assert (f"those of a hand {words} than that of the given betas" in str(subject.notes)) == bool(
+        words
+    )
+
+
 def test_betas_of_this_model_are_used_as_they_are():
     betas = torch.linspace(-2, 2, 10)
     track = replace(track_of(betas), hand_model="embedded", betas=betas)
