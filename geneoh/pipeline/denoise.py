@@ -26,7 +26,7 @@ from geneoh.pipeline.examination.following import without_following
 from geneoh.pipeline.examination.shots import common_shots, joined_shots, told_of
 from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
-from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
+from geneoh.pipeline.inputs import as_sequence, checked_interaction, left_out
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.preparation import Prepared, brought_to_world, prepared, told_of_camera
 from geneoh.pipeline.results import Denoised, HandResult
@@ -108,7 +108,7 @@ def denoise(
         shots = [slice(0, sequence.frames)]
         if isinstance(options.resolved().fit, FitConfig):  # the paper's finds one shape for all
             shots = common_shots(sequence)
-        notes = (*collapsed_sentences(taken), *exchange, *followed, *lost)
+        notes = (*left_out(taken), *exchange, *followed, *lost)
         notes = (*notes, *told_of(sequence, shots))
         doubtful = (*notes, *doubts(sequence, name))
         for words in doubtful:

@@ -12,7 +12,7 @@ from geneoh.geometry.mesh_files import meshes_of
 from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz.files import load
 from geneoh.sequence.gaps import fill_object, without_placeholders
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import Sequence, without_unseen
 from geneoh.sequence.validation import check_sequence, collapsed, without_collapsed
 
 
@@ -47,12 +47,13 @@ def own(values: Tensor, found: list[bool]) -> Tensor:
 
 def checked_interaction(sequence: Sequence) -> Sequence:
     """The sequence with missing object poses filled, and without placeholders of keypoints, hand
-    frames that are collapsed to a point or all zero, and unused vertices.
+    frames that are collapsed to a point or all zero, hands in no frame, and unused vertices.
 
     Raises:
         InputError: the first fault that is found: a mesh without a surface or in another unit than
             metres, or values that cannot be an interaction.
     """
+    sequence = without_unseen(sequence)
     motion = sequence.object
     if (meshes := checked_meshes(motion.meshes, sequence.source)) != motion.meshes:
         motion = replace(motion, meshes=meshes)
@@ -77,9 +78,16 @@ def checked_meshes(meshes: Iterable[Mesh], source: str = "") -> tuple[Mesh, ...]
     return tuple(found)
 
 
-def collapsed_sentences(sequence: Sequence) -> Iterator[str]:
-    """Sentences for the user about hand frames that are collapsed to a point or all zero."""
-    for hand in sequence.hands:
+def left_out(sequence: Sequence) -> Iterator[str]:
+    """Sentences for the user about hands in no frame, and about hand frames that are collapsed to a
+    point or all zero."""
+    kept = without_unseen(sequence).hands
+    yield from (
+        f"the {hand.side} hand is in no frame and was left out"
+        for hand in sequence.hands
+        if hand not in kept
+    )
+    for hand in kept:
         if count := int(collapsed(hand).sum()):
             yield (
                 f"{numbered(count, 'frame')} in which all keypoints of the {hand.side} hand are in "

@@ -19,6 +19,7 @@ from geneoh.hand.skeleton import PARENTS
 from geneoh.modes import undisturbed
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_seen
 
 
 @checked_call
@@ -59,11 +60,7 @@ def to_smplx(
             "a result has one in .sequence"
         )
     track, name = sequence.hand(side), sequence.source or "the sequence"
-    if not bool(track.valid.any()):
-        raise InputError(
-            f"{name}: at least one frame must hold the {side} hand, got {track.frames} without; "
-            "choose frames with it"
-        )
+    check_seen(track, name)
     track = fill_gaps(track)
     if track.pose is None or track.wrist is None:
         raise InputError(

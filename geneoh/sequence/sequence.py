@@ -280,6 +280,13 @@ class Sequence(Bundle):
         raise InputError(f"{self.source or 'the sequence'} holds no {side} hand")
 
 
+def without_unseen(sequence: Sequence) -> Sequence:
+    """The sequence without hands that are in no frame, unless none would remain: a part of a clip
+    may lack one of its hands."""
+    seen = tuple(hand for hand in sequence.hands if bool(hand.valid.any()))
+    return replace(sequence, hands=seen) if 0 < len(seen) < len(sequence.hands) else sequence
+
+
 def step_of(frames: Index) -> int:
     """The constant step between chosen frames; 1 where it varies or is not positive."""
     if isinstance(frames, slice):

@@ -138,11 +138,7 @@ def check_camera(poses: Float[Tensor, "T 4 4"] | None, frames: int, name: str) -
 
 def check_hand(hand: HandTrack, name: str) -> None:
     """Refuse a hand of the wrong size or with angles that are not in radians."""
-    if not bool(hand.valid.any()):
-        raise InputError(
-            f"{name}: at least one frame must hold the {hand.side} hand, got {hand.frames} frames "
-            "without; there is nothing to clean"
-        )
+    check_seen(hand, name)
     for points in (hand.joints, hand.wrist):
         if points is not None:
             check_place(points[hand.valid], f"the {hand.side} hand", name)
@@ -164,6 +160,15 @@ def check_hand(hand: HandTrack, name: str) -> None:
         check_angles(hand, hand.pose, name)
     if hand.camera_ray is not None:
         check_rays(hand, hand.camera_ray, name)
+
+
+def check_seen(hand: HandTrack, name: str) -> None:
+    """Refuse a hand that is in no frame."""
+    if not bool(hand.valid.any()):
+        raise InputError(
+            f"{name}: at least one frame must hold the {hand.side} hand, got {hand.frames} frames "
+            "without; choose frames with it"
+        )
 
 
 def check_confidence(hand: HandTrack, confidence: Float[Tensor, "T 21"], name: str) -> None:

@@ -22,8 +22,8 @@ from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.placing import in_world
 from geneoh.sequence.resample import nearest_frames, poses_over_frames
-from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.sequence.validation import check_tracks
+from geneoh.sequence.sequence import ObjectTrack, Sequence, without_unseen
+from geneoh.sequence.validation import check_seen, check_tracks
 from geneoh.sequence.windows import blocks
 from geneoh.viz.look import BODY_COLOUR, OBJECT_COLOUR, Colour, ramp_colours, ramp_position
 from geneoh.viz.mannequin import mannequin
@@ -206,11 +206,14 @@ def make_scene(
 
     `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
     """
+    sequences = {name: without_unseen(sequence) for name, sequence in sequences.items()}
     last_title, last = next(reversed(sequences.items()))
     if body is None:
         refuse_lost_meshes(last)
     for sequence in sequences.values():
         check_tracks(sequence)
+        for hand in sequence.hands:
+            check_seen(hand, sequence.source or "the sequence")
         if sequence.frames != last.frames:
             raise InputError(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "

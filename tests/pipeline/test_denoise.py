@@ -52,6 +52,14 @@ def test_the_result_tells_how_far_keypoints_moved_on_average_and_at_most(noisy, 
     assert hand.moved_most == pytest.approx(float(apart.mean(-1).max()), rel=1e-3)
 
 
+def test_a_hand_in_no_frame_of_a_part_is_left_out_in_words(noisy):
+    part, hand = noisy[:10], noisy.hands[0][:10]
+    unseen = replace(hand.mirrored(), valid=torch.zeros_like(hand.valid))
+    found = denoise(replace(part, hands=(unseen, hand)), FAST)
+    assert found.doubts[0] == "the right hand is in no frame and was left out"
+    assert found.sequence == denoise(part, FAST).sequence
+
+
 def test_a_pose_with_manos_betas_in_memory_gets_its_keypoints_by_mano(noisy, tmp_path):
     folder = trees.write_mano(tmp_path / "mano")
     short = noisy[:20]

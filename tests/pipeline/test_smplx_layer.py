@@ -72,7 +72,7 @@ def test_frames_without_the_hand_are_filled(recording):
 
 def test_frames_without_any_hand_cannot_be_filled(recording):
     lost = torch.zeros_like(recording.hand("left").valid)
-    with pytest.raises(InputError, match=r"must hold the left hand, got 146 without"):
+    with pytest.raises(InputError, match=r"must hold the left hand, got 146 frames without"):
         to_smplx("left", with_track(recording, valid=lost))
 
 

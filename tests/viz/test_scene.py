@@ -49,6 +49,15 @@ def test_a_left_hand_is_the_mirror_image_of_the_right_one(scene):
     assert left.model.faces.equal(right.model.faces[:, [0, 2, 1]])
 
 
+def test_a_hand_in_no_frame_is_not_shown(scene, track):
+    unseen = replace(track.mirrored(), valid=torch.zeros_like(track.valid))
+    whole = replace_hands(scene, track)
+    (hand,) = make_scene({"part": replace(whole, hands=(unseen, track))}).versions[0].hands
+    assert hand.side == "right"
+    with pytest.raises(InputError, match=r"must hold the left hand, got .*; choose frames with it"):
+        make_scene({"part": replace(whole, hands=(unseen,))})
+
+
 def test_depth_is_that_of_the_deepest_vertex_and_zero_outside(scene):
     before, after = (version.hands[0] for version in scene.versions)
     depth = before.measures.depth
