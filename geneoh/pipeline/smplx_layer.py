@@ -1,6 +1,7 @@
 """A hand track as a layer of the `smplx` package, for body models, renderers and optimisers. Only
 this module imports smplx, whose licence is non-commercial, and only when a layer is made."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,16 @@ from geneoh.choices import HandSource, Side
 from geneoh.errors import InputError
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas
-from geneoh.hand.mano import translation_from_wrist
+from geneoh.hand.mano import mano_folder, translation_from_wrist
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
 from geneoh.modes import undisturbed
+from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_seen
+
+LOG = logging.getLogger(__name__)
 
 
 @checked_call
@@ -47,7 +51,8 @@ def to_smplx(
             which the hand was not observed are filled by interpolation.
         hand: the hand to pose: "embedded", or the user's "mano" (of its two left hands the one
             that the betas belong to). Betas of another hand are replaced by a shape that is fitted
-            to the track's keypoints.
+            to the track's keypoints, or to those of the user's MANO; without any, the mean hand is
+            used, which is logged as a warning.
         mano_dir: folder of the user's MANO files; without it GENEOH_MANO_DIR says where.
 
     Raises:
@@ -61,7 +66,7 @@ def to_smplx(
         )
     track, name = sequence.hand(side), sequence.source or "the sequence"
     check_seen(track, name)
-    track = fill_gaps(track)
+    track = with_keypoints(fill_gaps(track), mano_folder(mano_dir))
     if track.pose is None or track.wrist is None:
         raise InputError(
             f"{name}: smplx needs the {side} hand's 'pose' and 'wrist', got its keypoints only; "
@@ -69,7 +74,11 @@ def to_smplx(
         )
     model = hand_of_betas(side, track.hand_model, asked=hand, mano_dir=mano_dir)
     model = model.to(track.pose.device)
-    betas = subject_of(track, model).betas
+    subject = subject_of(track, model)
+    if track.joints is None:
+        for words in subject.notes:
+            LOG.warning("%s: %s", name, words)
+    betas = subject.betas
     pose = {
         "betas": betas.expand(track.frames, -1),
         "global_orient": track.pose[:, 0],

@@ -243,9 +243,12 @@ def fitted_notes(scene: Scene, last: Sequence) -> Iterator[str]:
     for hand in scene.versions[-1].hands:
         track, is_ours = last.hand(hand.side), hand.model.name not in MANO_NAMES
         if track.betas is not None and track.hand_model in MANO_NAMES and is_ours:
+            how = "our hand is fitted to it and shown, some millimetres off"
+            if track.joints is None:
+                how = "our mean hand is shown in its pose, maybe centimetres off"
             yield (
-                f"{hand.side} hand: its betas are MANO's, whose file is not there, so our hand is "
-                "fitted to it and shown, some millimetres off; --mano FOLDER shows MANO's"
+                f"{hand.side} hand: its betas are MANO's, whose file is not there, so {how}; "
+                "--mano FOLDER shows MANO's"
             )
 
 

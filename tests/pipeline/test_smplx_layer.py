@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import smplx
 import torch
+import trees
 
 import geneoh
 from geneoh.errors import InputError, MissingAssetError
@@ -98,6 +99,24 @@ def test_a_mano_layer_has_the_users_hand_and_the_betas_that_belong_to_it(recordi
     ours = model.shaped(track.betas).posed(track.pose, track.wrist)
     assert (layer().vertices - ours.verts).abs().max() < 1e-5
     assert (layer.faces_tensor == model.faces).all()
+
+
+def test_a_pose_with_betas_of_mano_alone_has_the_shape_of_the_users_mano(
+    recording, tmp_path, caplog
+):
+    folder, betas = trees.write_mano(tmp_path), torch.linspace(2, -2, 10)
+    pose = with_track(recording[:5], joints=None, betas=betas, hand_model="mano")
+    there = load_hand("left", source="mano", mano_dir=folder).shaped(betas).offsets.norm(dim=-1)
+    off = [
+        (load_hand("left").shaped(to_smplx("left", pose, mano_dir=given).betas[0]).offsets)
+        .norm(dim=-1)
+        .sub(there)
+        .abs()
+        .mean()
+        for given in (None, folder)
+    ]
+    assert off[1] < off[0] / 2
+    assert caplog.text.count("the mean hand is used") == 1
 
 
 def test_a_mano_layer_needs_the_users_file(recording, tmp_path):

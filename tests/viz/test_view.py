@@ -176,6 +176,9 @@ def test_a_hand_that_stands_in_for_manos_is_told(sequences, tmp_path, caplog):
     right_file.unlink()
     assert open_scene(shown, mano_dir=tmp_path).notes == (note,)
     assert open_scene(sequences[1]).notes == ()
+    alone = replace(left, joints=None, betas=torch.ones(10), hand_model="mano")
+    scene = open_scene(replace(sequences[1], hands=(alone,)))
+    assert "our mean hand is shown in its pose, maybe centimetres off" in scene.notes[0]
 
 
 @pytest.mark.parametrize("cell", [5, 4096])
