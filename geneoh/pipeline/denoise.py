@@ -23,7 +23,7 @@ from geneoh.objects.refine import refine_object
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.following import without_following
-from geneoh.pipeline.examination.shots import common_shots, joined_shots, told_of
+from geneoh.pipeline.examination.shots import common_shots, joined_shots, shot_of, told_of
 from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, left_out
@@ -117,7 +117,8 @@ def denoise(
             result = clean_interaction(sequence, options, on_progress)
         else:
             alike = with_one_shape(sequence, options)
-            parts = [clean_interaction(alike[shot], options, on_progress) for shot in shots]
+            each = (shot_of(alike, shot) for shot in shots)
+            parts = [clean_interaction(shot, options, on_progress) for shot in each]
             result = joined_shots(parts, shots)
         if camera is not None:
             result = result.seen_from(camera, given)

@@ -12,6 +12,7 @@ from geneoh.errors import shortened
 from geneoh.metrics.report import over_shots
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.shots import paths_of, shots_of
 
@@ -40,6 +41,15 @@ def common_shots(sequence: Sequence) -> list[slice]:
         if is_whole(slice(starts[-1], cut)) and is_whole(slice(cut, stop)):
             starts.append(cut)
     return [slice(start, end) for start, end in pairwise([*starts, stop])]
+
+
+def shot_of(sequence: Sequence, shot: slice) -> Sequence:
+    """One shot of a video. Before the first and after the last observed pose of a part in it, the
+    part rests: between shots, missing poses lead from one place to another."""
+    part = sequence[shot]
+    seen = part.object.observed
+    between = (seen.cumsum(0) > 0) & (seen.flip(0).cumsum(0).flip(0) > 0)
+    return replace(part, object=fill_object(part.object, between))
 
 
 def told_of(sequence: Sequence, shots: list[slice]) -> Iterator[str]:

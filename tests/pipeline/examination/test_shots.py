@@ -75,6 +75,19 @@ def test_a_shot_alone_may_have_poses_of_a_slower_sensor(video, slow):
     assert bool(found[0].valid.all())
 
 
+def test_an_object_that_is_lost_at_a_cut_rests_in_either_shot(video):
+    slow = replace(video, fps=30.0)
+    places = video.object.translation.clone()
+    places[CUT - 6 : CUT + 6] = nan
+    lost = replace(slow, object=replace(video.object, translation=places))
+    found, known = (denoise(each, preset="fast").sequence for each in (lost, slow))
+    places, given = found.object.translation, video.object.translation
+    assert (places[CUT - 6 : CUT] == given[CUT - 7]).all()
+    assert (places[CUT : CUT + 6] == given[CUT + 6]).all()
+    apart = (found.hands[0].joints - known.hands[0].joints).norm(dim=-1).mean(-1)
+    assert apart.max() < 0.02  # 0.05 by poses between the two places
+
+
 def test_the_form_of_the_paper_keeps_one_shape_and_tells_of_cuts(video, monkeypatch):
     def as_given(sequence, options, _):
         return Denoised(sequence, {}, (), options)
