@@ -44,14 +44,15 @@ def shots_of(
 ) -> list[slice]:
     """The shots of a track as slices; one slice where no cut is found.
 
-    A leap of the hand is no cut where one of the paths `beside` it goes on evenly. Frames without
-    the hand beside a cut belong to the shot before it.
+    A leap of the hand is no cut where one of the paths `beside` it goes on evenly. Where the hand
+    is lost at a cut, the cut is where one of these paths leaps, else where the hand is found again.
     """
     seen = np.flatnonzero(hand.observed.cpu().numpy())
     place = keypoints_of(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
     leaps = np.linalg.norm(np.diff(place, axis=0), axis=1)
     steps = leaps / np.diff(seen)
-    likely = np.flatnonzero(steps > CUT_LEAP * max(1.0, 30 / fps)).tolist()
+    least = CUT_LEAP * max(1.0, 30 / fps)
+    likely = np.flatnonzero(steps > least).tolist()
     lasting, even = math.ceil(SHOT_SECONDS * fps), max(FEWEST_EVEN, round(EVEN_SECONDS * fps))
     possible = [
         (int(seen[last]), int(seen[last + 1]))
@@ -60,7 +61,9 @@ def shots_of(
     ]
     paths = list(beside)
     cuts = [
-        new for old, new in possible if not any(is_even(path, old, new, even) for path in paths)
+        first_after(old, new, paths, least)
+        for old, new in possible
+        if not any(is_even(path, old, new, even) for path in paths)
     ]
     return [slice(start, stop) for start, stop in pairwise([0, *cuts, hand.frames])]
 
@@ -80,6 +83,17 @@ def is_cut(
     leap = np.linalg.norm(after[0] - before[-1])
     back = [before - after[0], after - before[-1]]
     return bool(np.linalg.norm(back, axis=-1).min() > leap / 2)
+
+
+def first_after(old: int, new: int, paths: Iterable[Float[np.ndarray, "T D"]], least: float) -> int:
+    """The first frame after a cut between the frames `old` and `new`: that after the longest step
+    of a path, if it is longer than `least`, metres, else `new`."""
+    for path in paths:
+        steps = np.linalg.norm(np.diff(path[old : new + 1], axis=0), axis=1)
+        longest = int(np.nan_to_num(steps).argmax())
+        if steps[longest] > least:
+            return old + 1 + longest
+    return new
 
 
 def is_even(path: Float[np.ndarray, "T D"], last: int, first: int, frames: int) -> bool:

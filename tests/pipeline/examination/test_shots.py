@@ -151,6 +151,17 @@ def test_a_leap_is_no_cut_where_the_other_hand_or_the_object_goes_on(video):
     assert cuts_in(replace(video, object=replace(carried, valid=seen))) == [CUT]
 
 
+def test_where_the_hand_is_lost_a_cut_is_where_its_object_leaps(video):
+    (hand,), motion = video.hands, video.object
+    for lost in (slice(CUT, CUT + 2), slice(CUT - 1, CUT + 1)):
+        seen = torch.ones(FRAMES, dtype=torch.bool)
+        seen[lost] = False
+        given = replace(video, hands=(replace(hand, valid=seen),))
+        assert cuts_in(given) == [CUT]
+        both = replace(motion, valid=seen[:, None])
+        assert cuts_in(replace(given, object=both)) == [lost.stop]
+
+
 def test_a_hand_that_leaps_while_its_object_goes_on_is_no_shot_of_the_fault_detection(video):
     path = torch.linspace(0, 0.5, FRAMES)[:, None] * torch.tensor([1.0, 0.0, 0.0])
     given = beside(video, path)
