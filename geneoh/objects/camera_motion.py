@@ -4,12 +4,11 @@ Poses of a camera are noisy, leap at cuts of the video, and repeat where they co
 sensor. Any smooth motion near them will do, as the result is given back by the same motion.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 import torch
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
@@ -23,7 +22,7 @@ from geneoh.objects.smoothing import (
     smooth_rotations,
 )
 from geneoh.sequence.placing import camera_of, in_world
-from geneoh.sequence.repeats import without_repeats
+from geneoh.sequence.repeats import repeated_poses, without_repeats
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.validation import FARTHEST_SCENE
 
@@ -43,20 +42,23 @@ def steady_camera(sequence: Sequence) -> Rigid | None:
     if poses is None:
         return None
     track = ObjectTrack((), poses.rotation[:, None], poses.translation[:, None])
-    track, _ = without_repeats(track)
-    known = track.observed[:, 0].cpu().numpy()
-    poses = Rigid(track.rotation[:, 0], track.translation[:, 0])
+    repeats = repeated_poses(track)
+    known = ~repeats[:, 0].cpu().numpy()
     places, found = (x.double().cpu().numpy() for x in (poses.translation, poses.rotation))
-    turns = Rotation.from_matrix(found)
-    if np.linalg.norm(middle := places.mean(0)) > FARTHEST_SCENE:
-        places = places - middle
-    for start, stop in pairwise([0, *leaps_of_camera(places, turns, sequence.fps), len(places)]):
+    origin = places.mean(0)
+    if np.linalg.norm(origin) <= FARTHEST_SCENE:
+        origin = np.zeros(3)
+    leaps = leaps_of_camera(places, Rotation.from_matrix(found), known, sequence.fps)
+    for start, stop in pairwise([0, *leaps, len(places)]):
+        part, _ = without_repeats(track[start:stop], repeats[start:stop])
+        moved, turned = (x[:, 0].double().cpu().numpy() for x in (part.translation, part.rotation))
+        path, turns, trusted = moved - origin, Rotation.from_matrix(turned), known[start:stop]
         if stop - start >= LEAST_FRAMES:
-            path, turned, trusted = places[start:stop], turns[start:stop], known[start:stop]
             noise = max(noise_level(path), LEAST_NOISE)
-            places[start:stop], _ = smooth_points(path, trusted, noise)
-            noise = max(noise_level(path_of(turned)), LEAST_NOISE)
-            found[start:stop] = smooth_rotations(turned, trusted, noise)[0].as_matrix()
+            path, _ = smooth_points(path, trusted, noise)
+            noise = max(noise_level(path_of(turns)), LEAST_NOISE)
+            turned = smooth_rotations(turns, trusted, noise)[0].as_matrix()
+        places[start:stop], found[start:stop] = path, turned
     return Rigid(*(torch.from_numpy(values).to(poses.rotation) for values in (found, places)))
 
 
@@ -68,11 +70,15 @@ def in_steady_world(sequence: Sequence) -> Sequence:
 
 
 def leaps_of_camera(
-    places: Float64[np.ndarray, "T 3"], turns: Rotation, fps: float
-) -> Iterator[int]:
-    """The first frames after leaps, as at a cut of the video or where a lost track starts again."""
-    shifts, turned = np.diff(places, axis=0), increments(turns)
+    places: Float64[np.ndarray, "T 3"], turns: Rotation, known: Bool[np.ndarray, " T"], fps: float
+) -> list[int]:
+    """The first frames after leaps, as at a cut of the video or where a lost track starts again;
+    poses that are not `known` repeat those before."""
+    frames = np.flatnonzero(known)
+    shifts = np.diff(places[frames], axis=0)
+    turned = increments(turns[frames])  # pyright: ignore[reportArgumentType]  # scipy's stubs
     steps = np.linalg.norm(shifts, axis=1) + np.linalg.norm(turned, axis=1)
     around = maximum_filter(steps, footprint=AROUND_LEAP, mode="constant")
-    leaps = (steps > CAMERA_LEAP * max(1.0, 30 / fps)) & (steps > CAMERA_RATIO * around)
-    yield from (np.flatnonzero(leaps) + 1).tolist()
+    least = CAMERA_LEAP * max(1.0, 30 / (fps * known.mean()))
+    leaps = (steps > least) & (steps > CAMERA_RATIO * around)
+    return frames[1:][leaps].tolist()

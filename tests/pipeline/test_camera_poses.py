@@ -406,6 +406,14 @@ def test_poses_of_a_slower_camera_are_interpolated():
     assert float(off[:-3].mean()) < 2e-3  # 12 mm, where they are held and smoothed
 
 
+def test_poses_of_a_slower_camera_are_not_interpolated_across_a_cut():
+    world, true = example()[:90], turned_at(45, math.pi / 2, 90)
+    tracked = true.matrices()[held(90)]
+    given = replace(placed(world, true.inverse()), camera_to_world=tracked)
+    off = (joints_of(in_steady_world(given)) - joints_of(world)).norm(dim=-1).mean(-1)
+    assert float(off[40:50].max()) < 0.03  # the last pose before it is held; 0.6 across the cut
+
+
 def test_poses_of_an_object_that_repeat_in_the_frame_of_the_camera_count_as_missing(quick):
     world = example()[20:110]
     given = seen_by_head(world)
