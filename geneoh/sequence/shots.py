@@ -44,8 +44,9 @@ def shots_of(
 ) -> list[slice]:
     """The shots of a track as slices; one slice where no cut is found.
 
-    A leap of the hand is no cut where one of the paths `beside` it goes on evenly. Where the hand
-    is lost at a cut, the cut is where one of these paths leaps, else where the hand is found again.
+    A leap of the hand is no cut where one of the paths `beside` it goes on evenly, nor less than
+    `SHOT_SECONDS` from an end, unless one of them leaps, too. Where the hand is lost at a cut, the
+    cut is where one of these paths leaps, else where the hand is found again.
     """
     seen = np.flatnonzero(hand.observed.cpu().numpy())
     place = keypoints_of(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
@@ -54,17 +55,14 @@ def shots_of(
     least = CUT_LEAP * max(1.0, 30 / fps)
     likely = np.flatnonzero(steps > least).tolist()
     lasting, even = math.ceil(SHOT_SECONDS * fps), max(FEWEST_EVEN, round(EVEN_SECONDS * fps))
-    possible = [
-        (int(seen[last]), int(seen[last + 1]))
-        for last in likely
-        if is_cut(place, steps, last, lasting)
-    ]
-    paths = list(beside)
-    cuts = [
-        first_after(old, new, paths, least)
-        for old, new in possible
-        if not any(is_even(path, old, new, even) for path in paths)
-    ]
+    paths, cuts = list(beside), []
+    for last in likely:
+        old, new = int(seen[last]), int(seen[last + 1])
+        together = any(leaps_between(path, old, new, least) for path in paths)
+        if is_cut(place, steps, last, 1 if together else lasting) and not any(
+            is_even(path, old, new, even) for path in paths
+        ):
+            cuts.append(first_after(old, new, paths, least))
     return [slice(start, stop) for start, stop in pairwise([0, *cuts, hand.frames])]
 
 
@@ -83,6 +81,16 @@ def is_cut(
     leap = np.linalg.norm(after[0] - before[-1])
     back = [before - after[0], after - before[-1]]
     return bool(np.linalg.norm(back, axis=-1).min() > leap / 2)
+
+
+def leaps_between(path: Float[np.ndarray, "T D"], old: int, new: int, least: float) -> bool:
+    """Whether a path leaps by more than `least`, metres, between two frames, as at a cut."""
+    start = max(old - COMPARED_STEPS, 0)
+    near = path[start : new + 1 + COMPARED_STEPS]
+    steps = np.nan_to_num(np.linalg.norm(np.diff(near, axis=0), axis=1))
+    between = slice(old - start, new - start)
+    leap, around = steps[between].max(), np.delete(steps, between)
+    return bool(leap > least and leap >= CUT_RATIO * around.max(initial=0.0))
 
 
 def first_after(old: int, new: int, paths: Iterable[Float[np.ndarray, "T D"]], least: float) -> int:

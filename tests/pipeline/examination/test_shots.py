@@ -43,6 +43,16 @@ def test_no_frame_is_mixed_across_a_cut(video, result):
     assert result.hands["left"].after.acceleration_mm < 20
 
 
+@pytest.mark.parametrize(
+    ("part", "cut"), [(slice(0, CUT + 1), CUT), (slice(CUT - 3, FRAMES), 3)], ids=["end", "start"]
+)
+def test_a_leap_of_hand_and_object_beside_an_end_is_a_cut(video, part, cut):
+    clip = video[part]
+    assert cuts_in(clip) == [cut]
+    resting = clip.object[torch.zeros(clip.frames, dtype=torch.long)]
+    assert cuts_in(replace(clip, object=resting)) == []
+
+
 def test_all_shots_are_in_the_result(video, result):
     hand = result.hands["left"]
     shots = [denoise(video[:CUT], preset="fast"), denoise(video[CUT:], preset="fast")]
