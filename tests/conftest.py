@@ -9,9 +9,9 @@ import pytest
 import torch
 from hypothesis import settings
 from pretended_device import DEVICE, PretendedDevice
-from shape_checks import begin_test, check_first_calls
+from shape_checks import begin_test, check_first_call
 
-check_first_calls()
+check_first_call()
 
 # The tests' tensors are small: more threads only wait for each other.
 torch.set_num_threads(1)
@@ -23,7 +23,7 @@ settings.load_profile("geneoh")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup() -> None:
-    """Check the first calls of every function in each test, fixtures included."""
+    """Check the first call of every function in each test, fixtures included."""
     begin_test()
 
 

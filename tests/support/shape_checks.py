@@ -1,8 +1,8 @@
-"""Types and shapes of calls, checked in the first calls of each function in each test.
+"""Types and shapes of calls, checked in the first call of each function in each test.
 
 A check takes longer than most functions of the library, and jaxtyping takes time at every call that
 it sees, and where a function is made: a test that calls one a thousand times would wait for its
-checks above all. So jaxtyping sees the first calls alone.
+checks above all. So jaxtyping sees the first call alone.
 """
 
 import dataclasses
@@ -16,29 +16,28 @@ from typing import Any, get_type_hints
 import jaxtyping
 from beartype.roar import BeartypeCallHintViolation
 
-CALLS = 3  # calls of each function that are checked in each test
-MARK = "_first_calls_are_checked"
+MARK = "_first_call_is_checked"
 
 by_jaxtyping = jaxtyping.jaxtyped
 
 
-_calls: dict[int, int] = {}
-"""How many calls of each function the test that runs has had, by the id of the function's code:
-those that a call of another one makes anew share it."""
+_called: set[int] = set()
+"""The functions that the test that runs has called, by the id of their code: those that a call of
+another one makes anew share it."""
 
 
 def begin_test() -> None:
-    """Check the next calls of every function again."""
-    _calls.clear()
+    """Check the next call of every function again."""
+    _called.clear()
 
 
-def check_first_calls() -> None:
-    """Check the first calls alone, in what jaxtyping's import hook decorates from now on."""
+def check_first_call() -> None:
+    """Check the first call alone, in what jaxtyping's import hook decorates from now on."""
     jaxtyping.jaxtyped = jaxtyped
 
 
 def jaxtyped(*, typechecker: Callable[..., Any]) -> Callable[[Any], Any]:
-    """What jaxtyping's decorator of this name does, in the first calls of each test."""
+    """What jaxtyping's decorator of this name does, in the first call of each test."""
 
     def decorate(made: Any) -> Any:
         if not isinstance(made, type):
@@ -57,10 +56,9 @@ def _checked(function: Callable[..., Any], typechecker: Callable[..., Any]) -> C
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         __tracebackhide__ = True
-        calls = _calls.get(key, 0)
-        if calls >= CALLS or jaxtyping.config.jaxtyping_disable:
+        if key in _called or jaxtyping.config.jaxtyping_disable:
             return function(*args, **kwargs)
-        _calls[key] = calls + 1
+        _called.add(key)
         if key not in _checks:
             _checks[key] = _Check(function, typechecker)
         return _checks[key](function, args, kwargs)
