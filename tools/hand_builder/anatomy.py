@@ -48,9 +48,9 @@ BONE_PARENTS = (*PARENTS[1:], *TIP_PARENTS)
 """The joint that each of the 15 bones and 5 tips starts from."""
 
 
-def skeleton() -> FloatArray:
-    """Positions (21, 3) of the 16 joints and the 5 tips at rest."""
-    points, offsets = np.zeros((21, 3)), MEASURED_OFFSETS * SCALE
+def skeleton(offsets: FloatArray = MEASURED_OFFSETS * SCALE) -> FloatArray:
+    """Positions (21, 3) of the 16 joints and the 5 tips for rest offsets (20, 3)."""
+    points = np.zeros((21, 3))
     for child, parent in enumerate(BONE_PARENTS, start=1):
         points[child] = points[parent] + offsets[child - 1]
     return points
