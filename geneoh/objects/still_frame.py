@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 from torch import Tensor
@@ -60,8 +60,8 @@ def still_frame(
     rests = (speeds < RESTING).any(1).mean() > SELDOM
     if rests or bool((relied.mean(0) < RELIED).any()):
         return None
-    held = held_shares(hands, motion, fps)
     tracks = [filled_keypoints(hand) for hand in hands]
+    held = held_shares(tracks, [hand.observed for hand in hands], motion, fps)
     return stilled(motion, held) if camera_moves(tracks, motion, held, speeds, fps) else None
 
 
@@ -91,20 +91,22 @@ def camera_moves(
 
 
 def held_shares(
-    hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float
+    tracks: list[Float[Tensor, "T 21 3"]],
+    observed: list[Bool[Tensor, " T"]],
+    motion: ObjectTrack,
+    fps: float,
 ) -> Float64[np.ndarray, "T Q"]:
-    """Degree, 0 to 1, to which some hand is at each part and moves with it, by its keypoints; while
-    it is not observed, as before and after."""
+    """Degree, 0 to 1, to which some hand is at each part and moves with it, by the keypoints of the
+    hands; while a hand is not observed, as before and after."""
     surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
     smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
     times = np.arange(len(found))
-    for hand in hands:
-        joints = filled_keypoints(hand)
+    for joints, seen in zip(tracks, observed, strict=True):
         points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
         near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
         over = torch.from_numpy(palm_speeds(joints, motion, fps))
-        share, seen = near * share_between(over, WITH, OVER).numpy(), hand.observed.cpu().numpy()
-        weight = smooth(seen.astype(float))
+        share = near * share_between(over, WITH, OVER).numpy()
+        weight = smooth(seen.cpu().double().numpy())
         known = weight >= min(KNOWN, weight.max())
         each = [np.interp(times, times[known], part[known]) for part in share.T]
         found = np.maximum(found, np.stack(each, 1))

@@ -15,6 +15,7 @@ from geneoh.objects.still_frame import held_shares, speed_of, still_frame
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import placed
 from geneoh.sequence.resample import at_rate
@@ -48,7 +49,8 @@ def found(sequence: Sequence, relied: float = 1.0) -> Rigid | None:
 
 
 def shares(hands: tuple[HandTrack, ...], clip: Sequence) -> np.ndarray:
-    return held_shares(hands, clip.object, clip.fps)
+    tracks = [filled_keypoints(hand) for hand in hands]
+    return held_shares(tracks, [hand.observed for hand in hands], clip.object, clip.fps)
 
 
 def speed(sequence: Sequence) -> torch.Tensor:
