@@ -67,7 +67,7 @@ def interpretations(
         yield (
             max(least_distance(hand, scaled), 0.0),
             f"with the translations of the object's poses times {scale:g} it comes near: give them "
-            "in the unit of the hand (--keypoint-unit is that of both), in TUM's format in metres",
+            "in the unit of the hand (--keypoint-unit is that of both; in TUM's format in metres)",
         )
 
 

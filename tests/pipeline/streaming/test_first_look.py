@@ -78,7 +78,7 @@ def test_an_order_of_the_keypoints_is_refused_after_ten_frames(seen):
 
 
 def test_poses_in_millimetres_are_refused_at_the_end_of_the_look(seen):
-    words = r"the left hand must come near the object, .* times 0\.001 .* in the unit of the hand"
+    words = r"the left hand must come near the object, .* times 0\.001 .* in the unit of the hand$"
     for frames, where in ((90, "frame 59"), (5, "the end")):
         with pytest.raises(InputError, match=f"^{where}: {words}"):
             seen(lambda j, r, t: (j, r, 1000 * t), frames=frames)
