@@ -21,7 +21,7 @@ from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset, pose_of_coefficients
 from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.gaps import fill_object
-from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence, without_unseen
 
 CHAINS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
 """Slice of each hand among the 30 finger joints of a body."""
@@ -199,7 +199,5 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
 
 def stretch_of(sequence: Sequence, span: slice) -> Sequence:
     """The sequence cut to a slice of frames, without hands that are observed in none of them."""
-    part = sequence[span]
-    hands = tuple(hand for hand in part.hands if bool(hand.valid.any()))
     source = f"{sequence.source}, frames {span.start} to {span.stop - 1}"
-    return replace(part, hands=hands, source=source)
+    return replace(without_unseen(sequence[span]), source=source)
