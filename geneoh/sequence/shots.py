@@ -44,9 +44,9 @@ def shots_of(
 ) -> list[slice]:
     """The shots of a track as slices; one slice where no cut is found.
 
-    A leap of the hand is no cut where one of the paths `beside` it goes on evenly, nor less than
-    `SHOT_SECONDS` from an end, unless one of them leaps, too. Where the hand is lost at a cut, the
-    cut is where one of these paths leaps, else where the hand is found again.
+    A leap of the hand is no cut where one of the paths `beside` it goes on evenly, nor where it
+    stays for less than `SHOT_SECONDS` on either side, unless one of them leaps, too. Where the hand
+    is lost at a cut, the cut is where one of these paths leaps, else where the hand is found again.
     """
     seen = np.flatnonzero(hand.observed.cpu().numpy())
     place = keypoints_of(hand)[:, PALM].mean(1).double().cpu().numpy()[seen]
@@ -86,19 +86,23 @@ def is_cut(
 def leaps_between(path: Float[np.ndarray, "T D"], old: int, new: int, least: float) -> bool:
     """Whether a path leaps by more than `least`, metres, between two frames, as at a cut."""
     start = max(old - COMPARED_STEPS, 0)
-    near = path[start : new + 1 + COMPARED_STEPS]
-    steps = np.nan_to_num(np.linalg.norm(np.diff(near, axis=0), axis=1))
+    steps = step_lengths(path[start : new + 1 + COMPARED_STEPS])
     between = slice(old - start, new - start)
     leap, around = steps[between].max(), np.delete(steps, between)
     return bool(leap > least and leap >= CUT_RATIO * around.max(initial=0.0))
+
+
+def step_lengths(path: Float[np.ndarray, "T D"]) -> Float[np.ndarray, " T-1"]:
+    """Length of each of the T - 1 steps of a path, metres; 0 beside frames without it."""
+    return np.nan_to_num(np.linalg.norm(np.diff(path, axis=0), axis=1))
 
 
 def first_after(old: int, new: int, paths: Iterable[Float[np.ndarray, "T D"]], least: float) -> int:
     """The first frame after a cut between the frames `old` and `new`: that after the longest step
     of a path, if it is longer than `least`, metres, else `new`."""
     for path in paths:
-        steps = np.linalg.norm(np.diff(path[old : new + 1], axis=0), axis=1)
-        longest = int(np.nan_to_num(steps).argmax())
+        steps = step_lengths(path[old : new + 1])
+        longest = int(steps.argmax())
         if steps[longest] > least:
             return old + 1 + longest
     return new
