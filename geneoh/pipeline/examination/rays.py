@@ -22,16 +22,17 @@ LEAST_FRAMES = 20
 LEAST_JITTER = 0.001
 """Least jitter along the ray, metres. Below 30 frames a second motion looks like jitter, in
 proportion to the square of the time between frames, and the bound is scaled by that."""
-CHANCE = 10.0
+CHANCE = 12.0
 """With N differences, the variance along the ray must be at least `1 + CHANCE / sqrt(N)` times the
-next one. Isotropic noise exceeds this bound in one of fifty tracks of 120 frames."""
+next one. Isotropic noise of the position exceeds this bound in one of 500 tracks of 120
+frames, noise of position, rotation and fingers in one of fifty."""
 FOURTH_SHARE = 0.7
-"""Share of that excess over 1 that fourth differences must show too, along the same direction."""
+"""Share of that excess over 1 that fourth differences must show too."""
 ALIKE = 0.9
 """Least cosine between directions that count as the same."""
 MOST_COUNTED = 600
-"""Number of differences beyond which the bound stays constant, at a variance ratio of 1.41 or a
-ratio of standard deviations of 1.19. Synthetic clips have 1.6 to 2.4 under camera noise; isotropic
+"""Number of differences beyond which the bound stays constant, at a variance ratio of 1.49 or a
+ratio of standard deviations of 1.22. Synthetic clips have 1.6 to 2.4 under camera noise; isotropic
 noise together with the anisotropic motion of hands has 1.1."""
 WHITE = 0.7
 """Least ratio of the jitter in fourth to that in second differences: for motion it is lower."""
@@ -60,34 +61,60 @@ class FoundRay:
         )
 
 
+@dataclass(frozen=True)
+class Jitter:
+    """How one place of a hand jitters, by second and fourth differences."""
+
+    second: Float64[Tensor, " 3"]
+    fourth: Float64[Tensor, " 3"]
+    """Unit vectors of the largest variance, world frame."""
+    ratio: float
+    ratio_of_fourth: float
+    """Ratio of that variance to the next one."""
+    is_noise: bool
+    """Whether it is large enough to be no rounding and white enough to be no motion."""
+
+    @property
+    def certain(self) -> float:
+        """The excess over 1 of the ratio that both orders show."""
+        excess = min(self.ratio - 1, (self.ratio_of_fourth - 1) / FOURTH_SHARE)
+        return excess if self.is_noise else 0.0
+
+
 def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | None:
     """The camera ray estimated from a hand's jitter, constant over frames; None if not significant.
 
-    An error along the ray moves the whole palm: wrist and knuckles must jitter most along the same
-    direction, unlike under noise of the rotation. So must fourth differences, unlike those of a
-    hand that moves fast to and fro.
+    An error along the ray moves the whole palm: wrist, knuckles and their middle must jitter most
+    along the same direction, unlike under noise of the rotation. So must fourth differences, unlike
+    those of a hand that moves fast to and fro. The ray is measured at the place that shows it most:
+    noise of the rotation jitters least about the point that a tracker turns the hand about.
     """
     points, known = palm_points(filled_keypoints(hand), hand.trust > 0)
-    second, fourth = jitter_of(points.mean(1), known, motion)
-    if len(fourth) < LEAST_FRAMES:
-        return None
-    direction, ratio = strongest(second)
-    of_fourth, ratio_of_fourth = strongest(fourth)
-    jitter = float((second @ direction).abs().median()) / NORMAL_MEDIAN
-    white = float((fourth @ direction).abs().median()) / NORMAL_MEDIAN
     least = LEAST_JITTER * max(1.0, 30 / fps) ** 2
-    significant = CHANCE / sqrt(min(len(second), MOST_COUNTED))
-    if ratio < 1 + significant or white < max(least, WHITE * jitter):
+    found = []
+    for place in (points.mean(1), points[:, 0], points[:, 1:].mean(1)):
+        second, fourth = jitter_of(place, known, motion)
+        if len(fourth) < LEAST_FRAMES:
+            return None
+        found.append(measured_jitter(second, fourth, least))
+    best = max(found, key=lambda jitter: jitter.certain)
+    directions = torch.stack([axis for jitter in found for axis in (jitter.second, jitter.fourth)])
+    alike = bool(((directions @ best.second).abs() > ALIKE).all())
+    if not alike or best.certain < CHANCE / sqrt(min(len(second), MOST_COUNTED)):
         return None
-    of_wrist, of_knuckles = (
-        strongest(jitter_of(place, known, motion)[0])[0]
-        for place in (points[:, 0], points[:, 1:].mean(1))
+    return FoundRay(best.second.to(points), sqrt(best.ratio))
+
+
+def measured_jitter(
+    second: Float64[Tensor, "N 3"], fourth: Float64[Tensor, "M 3"], least: float
+) -> Jitter:
+    """The jitter of a place by its differences; noise is at least as large as `least`, metres."""
+    (axis, ratio), (axis_of_fourth, ratio_of_fourth) = strongest(second), strongest(fourth)
+    jitter, white = (
+        float((values @ axis).abs().median()) / NORMAL_MEDIAN for values in (second, fourth)
     )
-    others = torch.stack([of_fourth, of_wrist, of_knuckles])
-    alike = bool(((others @ direction).abs() > ALIKE).all())
-    if not alike or ratio_of_fourth < 1 + FOURTH_SHARE * significant:
-        return None
-    return FoundRay(direction.to(points), sqrt(ratio))
+    is_noise = white >= max(least, WHITE * jitter)
+    return Jitter(axis, axis_of_fourth, ratio, ratio_of_fourth, is_noise)
 
 
 def jitter_of(

@@ -115,6 +115,19 @@ def test_noise_of_the_rotation_alone_tells_none(clean):
     assert found <= 1
 
 
+def test_noise_of_the_rotation_hides_no_ray_that_the_wrist_shows(clean):
+    hand, found = clean.hands[0], 0
+    for seed in range(20):
+        generator, offsets = torch.Generator().manual_seed(seed), torch.zeros(hand.frames, 51)
+        offsets[:, :3] = 0.002 * torch.randn(hand.frames, 3, generator=generator)
+        offsets[:, :3] += 0.004 * torch.randn(hand.frames, 1, generator=generator) * RAY
+        offsets[:, 3:6] = 0.04 * torch.randn(hand.frames, 3, generator=generator)
+        noisy = perturbed(hand, offsets, hand.valid)
+        ray = found_ray(noisy, clean.object, clean.fps)
+        found += ray is not None and degrees_off(ray.direction, RAY) < 20
+    assert found >= 17  # 14 by the middle of the palm alone
+
+
 def test_a_hand_that_pats_fast_tells_none():
     lift = 0.02 * torch.sin(2 * math.pi * 4 * torch.arange(FRAMES) / 30)[:, None] * RAY
     hands = [shaken(still(), 0.004, 0.004, seed) for seed in range(10)]
