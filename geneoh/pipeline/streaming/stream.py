@@ -199,10 +199,7 @@ class Stream:
             self._lost.append(now.hand is None)
             self._cameras.append(camera)
             for frame in self._paced(now):
-                made = self._recent.push(frame)
-                self._taken += 1
-                if self._taken > self._within:
-                    self._clean.append(made)
+                self._take(frame)
             self._count += 1
             self._tell(self._recent.new_notes())
             clean = self._next() if self._count > self._lag else None
@@ -223,6 +220,8 @@ class Stream:
                 return []
             with undisturbed():
                 self._tell(self._look.end(self._source))
+                if self._since is not None:  # frames after the last network frame: one more
+                    self._take(self._since)
                 self._clean.extend(self._recent.flush())
                 self._tell(self._recent.new_notes(ended=True))
                 return [self._next() for _ in range(min(self._lag, self._count))]
@@ -266,6 +265,13 @@ class Stream:
         if instants:
             self._since = None if last == instants[-1] else now
         return [between(before, seen, (frame - first) / self._rate) for frame in instants]
+
+    def _take(self, frame: Observed) -> None:
+        """Give a network frame to the stages, and keep the clean one that it makes ready."""
+        made = self._recent.push(frame)
+        self._taken += 1
+        if self._taken > self._within:
+            self._clean.append(made)
 
     def _next(self) -> CleanFrame:
         """The next clean frame at the stream's frame rate, interpolated between network frames."""

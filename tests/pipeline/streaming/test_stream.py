@@ -21,7 +21,7 @@ from geneoh.pipeline.streaming.recent_place import RecentRun
 from geneoh.pipeline.streaming.stream import CleanFrame, Stream
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 from tools.noisy_objects.clips import hovering
 
 
@@ -79,6 +79,17 @@ def test_other_rates_keep_frames_and_place(noisy, unmoved, fps):
     assert [frame.index for frame in found] == list(range(30))
     inner = (joints_of(found) - clip.hands[0].joints)[2:-2]
     assert float(inner.norm(dim=-1).mean()) < 0.02  # the noise of frames between is lost at 60
+
+
+@pytest.mark.parametrize("fps", [25.0, 50.0])
+def test_the_last_frames_move_on_at_other_rates(noisy, unmoved, fps):
+    """The hand stood still after the last frame of the networks."""
+    (hand,), step = noisy.hands, torch.tensor([0.01, 0.0, 0.0])
+    path = hand.joints[0] + step * torch.arange(30)[:, None, None]
+    moving = HandTrack("left", hand.valid[:30], joints=path)
+    found = joints_of(pushed(Stream((), fps, side="left"), replace(noisy[:30], hands=(moving,))))
+    steps = found.diff(dim=0).norm(dim=-1).mean(-1)
+    assert float(steps[-4:].min()) > 0.005
 
 
 def test_lost_hands_are_filled_and_marked(noisy, unmoved):
