@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal, cast, get_args
 
 import torch
+import trimesh.creation
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
@@ -15,6 +16,7 @@ from torch import Tensor
 from geneoh.choices import Noise, ObjectNoise
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.symmetry import Symmetry, find_symmetry
@@ -46,6 +48,10 @@ TRACKED = "tracked "
 """The same as `FILMED`, with the poses of the camera, which have white noise of `TRACKING`."""
 TRACKING = (math.radians(0.1), 0.001)
 """Standard deviation per axis of the noise of a camera's poses, radians and metres."""
+LARGE = "large "
+"""The same clip with an object that is joined to a box, as to a piece of furniture."""
+BOX, BOX_AWAY = 1.0, 0.6
+"""Sides of the box, and distance of its top below the object's middle in its frame, metres."""
 OFF, NEAR = 0.06, 0.015
 """Median over frames of the distance from its nearest keypoint to the object, metres, in clips
 `BESIDE` (at least) and `HOVERING`."""
@@ -173,7 +179,24 @@ def beside(sequence: Sequence, off: float = OFF, start: float = 0.0) -> Sequence
     return replace(sequence, hands=(replace(hand, joints=joints, wrist=hand.wrist + shift),))
 
 
-CHANGES = {SHAKEN: shaken, BESIDE: beside, HOVERING: hovering, FILMED: filmed, TRACKED: tracked}
+def large(sequence: Sequence) -> Sequence:
+    """A clip with a box as part of the object's mesh, away from the hand."""
+    mesh = sequence.object.meshes[0]
+    box = trimesh.creation.box((BOX, BOX, BOX))
+    middle = mesh.verts.mean(0) - torch.tensor([0.0, 0.0, BOX_AWAY + BOX / 2])
+    verts = torch.cat([mesh.verts, middle + torch.from_numpy(box.vertices).to(mesh.verts)])
+    faces = torch.cat([mesh.faces, torch.from_numpy(box.faces).to(mesh.faces) + len(mesh.verts)])
+    return replace(sequence, object=replace(sequence.object, meshes=(Mesh(verts, faces),)))
+
+
+CHANGES = {
+    SHAKEN: shaken,
+    BESIDE: beside,
+    HOVERING: hovering,
+    FILMED: filmed,
+    TRACKED: tracked,
+    LARGE: large,
+}
 
 
 @cache

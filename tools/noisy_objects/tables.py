@@ -14,6 +14,7 @@ from tools.noisy_objects.clips import (
     BESIDE,
     FILMED,
     HOVERING,
+    LARGE,
     MADE,
     RECORDING,
     ROUND,
@@ -39,6 +40,7 @@ FILMED_CLIPS = tuple(
 )
 TRACKED_CLIPS = tuple(TRACKED + name for name in (RECORDING, "mug", "bottle", "pan"))
 FILMED_NOISES = ("clean", "gauss", "beta", "bias")
+LARGE_CLIPS = tuple(before + name for name in CLIPS for before in ("", LARGE))
 USUAL: dict[str, Any] = {"preset": "default"}
 Grid = tuple[Sequence[str], Sequence[Any], Sequence[Any], dict[str, Any]]
 GRIDS: dict[str, Grid] = {
@@ -56,6 +58,7 @@ GRIDS: dict[str, Grid] = {
     "filmed": (FILMED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
     "tracked": (TRACKED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
     "filmed_trusted": (FILMED_CLIPS, FILMED_NOISES, ("exact",), {"trusted": True}),
+    "large": (LARGE_CLIPS, ("clean", "gauss", "beta", "bias", "camera"), ("exact",), {}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
     "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),
     "white": (CLIPS, ("gauss",), get_args(WhiteNoise), {}),

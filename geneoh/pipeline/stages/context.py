@@ -20,14 +20,12 @@ from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
-from geneoh.geometry.sampling import sample_surface
-from geneoh.objects.evidence import APART, distance_of_parts
+from geneoh.pipeline.stages.surface_points import surface_points
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
-SURFACE_POINTS = 1024  # points drawn on the surface of the object, all parts together
 WINDOWS_AT_ONCE = 20  # batch size over windows and samples, which bounds the memory
 HELD_FRAMES = 150
 """Frames around a window from which sliding is measured: grips last longer than two seconds, and
@@ -255,22 +253,13 @@ class Piece(NamedTuple):
 def stage_context(
     surface: MovingSurface, subject: Subject, fps: float, *, generator: torch.Generator
 ) -> StageContext:
-    """The context of a hand with an object; surface points are distributed over parts by area, and
-    parts that the hand is never near, such as furniture, get few of them."""
-    fields = surface.fields
-    areas = torch.tensor([float(field.mesh.face_vectors().norm(dim=-1).sum()) for field in fields])
-    if len(fields) > 1:
-        near = (distance_of_parts(subject.joints, surface) < APART).any(0).cpu()
-        areas = areas * near if near.any() else areas
-    counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
-    drawn = [
-        sample_surface(field.solid, int(count), generator=generator)
-        for field, count in zip(fields, counts, strict=True)
-    ]
+    """The context of a hand with an object."""
+    drawn = surface_points(surface, subject.joints, generator=generator)
+    parts = torch.arange(len(drawn)).repeat_interleave(torch.tensor([len(d.points) for d in drawn]))
     return StageContext(
         points=torch.cat([part.points for part in drawn]).to(surface.rotation),
         normals=torch.cat([part.normals for part in drawn]).to(surface.rotation),
-        part=torch.arange(len(fields)).repeat_interleave(counts).to(surface.rotation.device),
+        part=parts.to(surface.rotation.device),
         rotation=surface.rotation,
         translation=surface.translation,
         trust=subject.trust,
