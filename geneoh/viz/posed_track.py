@@ -13,6 +13,7 @@ from geneoh.choices import Side
 from geneoh.errors import MissingAssetError
 from geneoh.fitting.subject import POSE_MISFIT, Subject, subject_of
 from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
@@ -62,7 +63,7 @@ class PosedTrack:
         """Expected error (`HandTrack.joint_spread`) carried to the vertices, metres."""
         if self.joint_spread is None:
             return None
-        apart = torch.cdist(self.verts[:1], self.joints[:1])[0]
+        apart = pairwise_distances(self.verts[0], self.joints[0])
         weights = torch.softmax(-((apart / SPREAD_REACH) ** 2), dim=-1)
         return self.joint_spread @ weights.T
 

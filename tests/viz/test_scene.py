@@ -85,6 +85,13 @@ def test_spread_over_the_skin_is_the_keypoints_where_they_agree(scene):
     torch.testing.assert_close(spread, torch.full_like(spread, 0.004))
 
 
+def test_spread_over_the_skin_is_the_same_far_from_the_origin(scene):
+    hand = scene.versions[0].hands[0]
+    hand = replace(hand, joint_spread=torch.linspace(0, 0.02, 21).expand(scene.frames, 21))
+    there = replace(hand, verts=hand.verts + 80, joints=hand.joints + 80)
+    torch.testing.assert_close(there.spread, hand.spread, atol=1e-5, rtol=0)
+
+
 def test_nothing_is_measured_against_a_part_that_was_never_seen(scene, track):
     seen = torch.tensor([False, True]).expand(len(track.pose), 2)
     moving = replace_hands(scene, track)
