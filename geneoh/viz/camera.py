@@ -16,8 +16,7 @@ from torch import Tensor
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.readers.bodies.base import BodyRecording
-from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.shots import shots_of
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz.raster import rasterise
 from geneoh.viz.scene import DrawnSurface, Scene
 
@@ -182,9 +181,7 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
 
 def _smooth(scene: Scene, path: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 3"]:
     """The path of a camera, smooth over each shot; at the cuts between shots it may jump."""
-    hands = [HandTrack(hand.side, hand.valid, hand.joints) for hand in scene.versions[-1].hands]
-    starts = {shot.start for hand in hands for shot in shots_of(hand, scene.fps)}
-    shots = np.split(path, sorted(starts - {0}))
+    shots = np.split(path, scene.cuts)
     smoothed = (gaussian_filter1d(s, SMOOTHING * scene.fps, 0, mode="nearest") for s in shots)
     return np.concatenate(list(smoothed))
 

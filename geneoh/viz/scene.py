@@ -18,11 +18,12 @@ from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.metrics.report import FrameMeasures
 from geneoh.objects.camera_motion import steady_camera
+from geneoh.pipeline.examination.shots import cuts_in
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.placing import in_world
 from geneoh.sequence.resample import nearest_frames, poses_over_frames
-from geneoh.sequence.sequence import ObjectTrack, Sequence, without_unseen
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence, without_unseen
 from geneoh.sequence.validation import check_seen, check_tracks
 from geneoh.sequence.windows import blocks
 from geneoh.viz.look import BODY_COLOUR, OBJECT_COLOUR, Colour, ramp_colours, ramp_position
@@ -112,9 +113,19 @@ class Scene:
 
     def means(self, version: Version) -> dict[str, float]:
         """The means of a version over the frames of the input that have its hands, as the report
-        has them; over all its frames with a hand if those are unknown."""
-        measures = version.measures
+        has them: without the accelerations across a cut of the video, and over all its frames with
+        a hand if those of the input are unknown."""
+        measures, bends = version.measures, version.measures.acceleration.clone()
+        for cut in self.cuts:
+            bends[cut - 1 : cut + 1] = torch.nan
+        measures = replace(measures, acceleration=bends)
         return (measures if self.filled is None else measures.counted(~self.filled)).means()
+
+    @cached_property
+    def cuts(self) -> list[int]:
+        """First frames of all shots of a video but the first, by the hands of the last version."""
+        hands = tuple(HandTrack(h.side, h.valid, h.joints) for h in self.versions[-1].hands)
+        return cuts_in(Sequence(hands, self.object, self.fps))
 
     @cached_property
     def sharp_parts(self) -> tuple[Mesh, ...]:

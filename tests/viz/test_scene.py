@@ -137,6 +137,19 @@ def test_means_are_over_the_frames_that_the_input_has(scene):
     assert kept.acceleration.isfinite().tolist() == [False, True, True, True, False, False]
 
 
+def test_means_do_not_count_the_leap_at_a_cut_of_the_video(scene):
+    away = 5.0 * (torch.arange(scene.frames) >= 3)[:, None, None]
+    versions = tuple(
+        replace(v, hands=tuple(replace(hand, joints=hand.joints + away) for hand in v.hands))
+        for v in scene.versions
+    )
+    moved = replace(scene, versions=versions, fps=3.0)
+    assert moved.cuts == [3]
+    for version in versions:
+        assert float(version.measures.acceleration[2:4].min()) > 1000
+        assert moved.means(version)["acceleration_mm"] < 0.01
+
+
 def test_versions_of_different_length_are_refused(scene, track):
     long = replace_hands(scene, track)
     with pytest.raises(InputError, match="same frames, got 6 against 3"):
