@@ -214,10 +214,13 @@ def arrays_of(result: Viewable) -> Arrays:
 
 
 def confidence_of(kept: Arrays) -> Float[Tensor, " T"] | None:
-    """Least confidence in the poses of the parts in each frame; None if unknown or 1 throughout."""
+    """Least confidence in the poses of the parts in each frame, but those that were never seen;
+    None if unknown or 1 throughout."""
     found = kept_confidence(kept)
-    least = None if found is None else found.amin(1)
-    return None if least is None or bool((least == 1).all()) else least
+    seen = None if found is None else found[:, found.any(0)]
+    if seen is None or bool((seen == 1).all()):
+        return None
+    return seen.amin(1)
 
 
 def filled_of(kept: Arrays, scene: Scene) -> dict[Side, Bool[Tensor, " T"]]:

@@ -42,7 +42,8 @@ def test_doubts_about_the_objects_poses_are_a_curve_of_the_page(sequences, tmp_p
     sure = np.ones((6, 2), dtype=np.float32)
     doubtful = sure.copy()
     doubtful[2, 1] = 0.25
-    for name, confidence in (("sure", sure), ("doubtful", doubtful)):
+    unseen = sure * [1, 0]
+    for name, confidence in (("sure", sure), ("doubtful", doubtful), ("unseen", unseen)):
         extra = {"object_confidence": confidence}
         save_sequence(sequences[1], tmp_path / f"{name}.npz", extra=extra)
         scene = open_scene(sequences[1])
@@ -52,7 +53,8 @@ def test_doubts_about_the_objects_poses_are_a_curve_of_the_page(sequences, tmp_p
         (tmp_path / f"{name}.html").write_text(page_html(scene), encoding="utf-8")
     (told,) = page_scene(tmp_path / "doubtful.html")["versions"]
     assert told["curves"]["confidence"] == [100, 100, 25, 100, 100, 100]
-    assert "confidence" not in page_scene(tmp_path / "sure.html")["versions"][0]["curves"]
+    for name in ("sure", "unseen"):  # a part that was never seen is not doubted in any frame
+        assert "confidence" not in page_scene(tmp_path / f"{name}.html")["versions"][0]["curves"]
 
 
 FILLED = torch.tensor([1, 0, 0, 0, 1, 1]).bool()
