@@ -167,7 +167,7 @@ class Denoised(Bundle):
             lost = (~own.observed & own.observed.any(0))[..., None]
             turns = torch.where(lost[..., None], motion.rotation, own.rotation)
             places = torch.where(lost, motion.translation, own.translation)
-            motion = replace(motion, rotation=turns, translation=places)
+            motion = replace(motion, rotation=turns, translation=places, valid=own.valid)
         if examined is not None:
             examined = replace(examined, aligned=placed_object(examined.aligned, back))
         hands = {side: hand.placed(back) for side, hand in self.hands.items()}
