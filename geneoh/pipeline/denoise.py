@@ -28,7 +28,13 @@ from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, left_out
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.preparation import Prepared, brought_to_world, prepared, told_of_camera
+from geneoh.pipeline.preparation import (
+    OF_OTHER_POSES,
+    Prepared,
+    brought_to_world,
+    prepared,
+    told_of_camera,
+)
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.progress import OnProgress
 from geneoh.readers.checks.convention import doubts
@@ -41,10 +47,6 @@ LOG = logging.getLogger(__name__)
 
 POSES = "rotation", "translation"
 EXACT = "poses of the object are left as they are (--refine-object): they count as exact"
-OF_OTHER_POSES = (
-    "measures are against the cleaned poses of the object; a page measures against the poses in "
-    "the file, which are the input's (--refine-object writes clean ones)"
-)
 
 
 @checked_call

@@ -24,6 +24,10 @@ NO_OBJECT = (
 )
 OF_AN_OBJECT = ("trust_object", "refine_object", "hand_delay")
 """Options that have no effect without an object."""
+OF_OTHER_POSES = (
+    "measures are against the cleaned poses of the object; a page measures against the poses in "
+    "the file, which are the input's (--refine-object writes clean ones)"
+)
 MOVING_CAMERA = (
     "the camera moves: its motion was removed before the hand was cleaned, by the object while no "
     "hand moves with it, and accelerations are measured without it"
@@ -111,13 +115,15 @@ def brought_to_world(
     if not options.resolved().clean_object:
         return world, ()
     motion, notes = without_repeats(world.object, repeated_poses(given.object, camera_moves=True))
-    return replace(world, object=motion), notes
+    told = (OF_OTHER_POSES,) if notes and not options.refine_object else ()
+    return replace(world, object=motion), (*notes, *told)
 
 
 def told_of_camera(notes: tuple[str, ...], camera: Rigid, fps: float) -> tuple[str, ...]:
     """The notes on a sequence in the world that the camera's poses lead to, and those on these."""
-    found = [*(note for note in notes if MOVING_CAMERA not in note), CAMERA_REMOVED]
-    if len(found) <= len(notes):
+    found = [note for note in dict.fromkeys(notes) if MOVING_CAMERA not in note]
+    found.append(CAMERA_REMOVED)
+    if any(MOVING_CAMERA in note for note in notes):
         found.append(CAMERA_CONTRADICTED)
     steps = camera.translation.diff(dim=0).norm(dim=-1)
     if len(steps) and (speed := fps * float(steps.median())) > FAST_CAMERA:

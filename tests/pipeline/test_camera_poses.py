@@ -21,7 +21,12 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.camera_motion import in_steady_world
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
-from geneoh.pipeline.preparation import CAMERA_CONTRADICTED, CAMERA_REMOVED, MOVING_CAMERA
+from geneoh.pipeline.preparation import (
+    CAMERA_CONTRADICTED,
+    CAMERA_REMOVED,
+    MOVING_CAMERA,
+    OF_OTHER_POSES,
+)
 from geneoh.pipeline.streaming.stream import Stream
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.seeds import seeded_generator
@@ -430,6 +435,7 @@ def test_poses_of_an_object_that_repeat_in_the_frame_of_the_camera_count_as_miss
     )
     wanted, found = denoise(still, FAST), denoise(turning, FAST)
     assert any("repeats the one before" in note for note in found.notes)
+    assert OF_OTHER_POSES in found.notes
     assert not any("the pose of the object shakes" in note for note in found.notes)
     off = (in_the_world(found.sequence) - joints_of(wanted.sequence)).norm(dim=-1)
     assert float(off.mean()) < 1e-3
