@@ -47,7 +47,8 @@ def own(values: Tensor, found: list[bool]) -> Tensor:
 
 def checked_interaction(sequence: Sequence) -> Sequence:
     """The sequence with missing object poses filled, and without placeholders of keypoints, hand
-    frames that are collapsed to a point or all zero, hands in no frame, and unused vertices.
+    frames of no confidence, collapsed to a point or all zero, hands in no frame, and unused
+    vertices.
 
     Raises:
         InputError: the first fault that is found: a mesh without a surface or in another unit than
@@ -57,7 +58,8 @@ def checked_interaction(sequence: Sequence) -> Sequence:
     motion = sequence.object
     if (meshes := checked_meshes(motion.meshes, sequence.source)) != motion.meshes:
         motion = replace(motion, meshes=meshes)
-    hands = tuple(without_collapsed(without_placeholders(hand)) for hand in sequence.hands)
+    seen = (replace(hand, valid=hand.observed) for hand in sequence.hands)
+    hands = tuple(without_collapsed(without_placeholders(hand)) for hand in seen)
     sequence = replace(sequence, hands=hands, object=fill_object(motion))
     check_sequence(sequence, sequence.source)
     return sequence

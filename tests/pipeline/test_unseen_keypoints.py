@@ -8,6 +8,9 @@ import torch
 
 import geneoh
 from geneoh.hand.skeleton import TIP_KEYPOINTS
+from geneoh.pipeline.inputs import checked_interaction
+from geneoh.readers.checks.delay import hand_delay
+from geneoh.sequence.resample import with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -67,6 +70,18 @@ def test_values_without_confidence_do_not_count(short, place):
     )
     assert torch.equal(one.sequence.hands[0].joints, other.sequence.hands[0].joints)
     assert one.doubts == other.doubts
+
+
+def test_frames_without_any_confidence_do_not_count_for_a_delay(clean):
+    late = with_hands_earlier(clean, -4)
+    (hand,), lost = late.hands, torch.arange(clean.frames) % 30 < 5
+    spoilt = hand.joints + 0.3 * lost[:, None, None] * torch.randn(
+        clean.frames, 1, 3, generator=torch.Generator().manual_seed(0)
+    )
+    confidence = torch.ones(clean.frames, 21) * ~lost[:, None]
+    told = replace(hand, joints=spoilt, pose=None, wrist=None, confidence=confidence)
+    found = checked_interaction(replace(late, hands=(told,)))
+    assert hand_delay(found.hands[0], found.object, found.fps) == 4
 
 
 def test_a_hand_with_all_keypoints_or_a_pose_has_no_such_note(short):
