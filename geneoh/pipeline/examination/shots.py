@@ -1,5 +1,6 @@
 """Videos with cuts: find the shots, which are cleaned one by one, and join their results."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -15,6 +16,9 @@ from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.sequence.shots import paths_of, shots_of
+
+COUNTS = re.compile(r"\d frames?\b(?! a second)")
+"""A number of frames in a note, which is that of one shot."""
 
 
 def cuts_in(sequence: Sequence) -> list[int]:
@@ -130,11 +134,12 @@ def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
 
 
 def _said(notes: list[tuple[str, ...]], shots: list[slice]) -> tuple[str, ...]:
-    """Notes that all shots share once, and others with the frames of their shot."""
+    """Notes that all shots share once, and others, and those that count frames, with the frames of
+    their shot."""
     sentences: dict[str, None] = {}
     for own, shot in zip(notes, shots, strict=True):
         frames = f"frames {shot.start} to {shot.stop - 1}"
         for words in own:
-            everywhere = all(words in each for each in notes)
+            everywhere = all(words in each for each in notes) and not COUNTS.search(words)
             sentences[words if everywhere else f"{frames}: {words}"] = None
     return tuple(sentences)
