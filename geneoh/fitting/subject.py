@@ -167,8 +167,9 @@ def subject_of(track: HandTrack, model: HandModel, carrier: Carrier | None = Non
         if abs(larger) > OTHER_SIZE:
             size = f"{100 * abs(larger):.0f}% {'larger' if larger > 0 else 'smaller'}"
             notes.append(
-                f"the given joints are those of a hand {size} than that of the given betas, whose "
-                "size is used: leave the betas out to have that of the joints"
+                f"the given joints are those of a hand {size} than that of the given betas (in a "
+                "video with cuts, than that of all shots), whose size is used: leave the betas "
+                "out, or clean each shot by itself, to have that of the joints"
             )
     offsets = shaped.offsets if skeleton is None else skeleton
     start = None if rotations is None else HandState(rotations[None], posed[None, :, 0])

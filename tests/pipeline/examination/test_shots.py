@@ -101,6 +101,16 @@ def test_an_object_that_is_lost_at_a_cut_rests_in_either_shot(video):
     assert apart.max() < 0.02  # 0.05 by poses between the two places
 
 
+def test_a_shot_whose_hand_has_another_size_is_told_as_one_of_a_video(video):
+    (hand,), later = video.hands, torch.arange(FRAMES) >= CUT
+    larger = hand.joints[:, :1] + 1.2 * (hand.joints - hand.joints[:, :1])
+    joints = torch.where(later[:, None, None], larger, hand.joints)
+    found = denoise(replace(video, hands=(replace(hand, joints=joints),)), preset="fast")
+    (words,) = (note for note in found.hands["left"].notes if "those of a hand" in note)
+    assert words.startswith(f"frames {CUT} to {FRAMES - 1}: the given joints are those of a hand")
+    assert "in a video with cuts, than that of all shots" in words  # no betas were given
+
+
 def test_the_form_of_the_paper_keeps_one_shape_and_tells_of_cuts(video, monkeypatch):
     def as_given(sequence, options, _):
         return Denoised(sequence, {}, (), options)
