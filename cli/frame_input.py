@@ -26,7 +26,7 @@ def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
 def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
     """Frames as msgpack maps; `first` is the byte of the input that was already read."""
     unpacker = msgpack.Unpacker(max_buffer_size=LIMIT)
-    number, fed, unpacked = 1, 0, 0  # number of the next frame; bytes fed and unpacked
+    number, fed, unpacked = 0, 0, 0  # number of the next frame, from 0; bytes fed and unpacked
     while first or (first := source.read1(LIMIT // 2)):  # pyright: ignore[reportAttributeAccessIssue]
         fed += len(first)
         while True:
