@@ -238,10 +238,7 @@ def filled_poses(motion: ObjectTrack) -> Iterator[str]:
     for part, count in enumerate((~motion.observed).sum(0).tolist()):
         name = motion.name_of(part)
         if count == len(motion.rotation):
-            yield (
-                f"{name} was never seen: it stands still at the origin, and the hand is cleaned "
-                "without it"
-            )
+            yield f"{name} was never seen: its poses say nothing, the hand is cleaned without it"
         elif count:
             frames = numbered(count, "frame")
             yield f"{frames} without a pose of {name}, filled from the frames around"

@@ -108,8 +108,8 @@ def test_filled_poses_are_told_part_by_part():
     motion = fill_object(ObjectTrack((ball,) * 3, turn, torch.zeros(5, 3, 3)), seen)
     assert list(filled_poses(motion)) == [
         "2 frames without a pose of part 1 of the object, filled from the frames around",
-        "part 3 of the object was never seen: it stands still at the origin, and the hand is "
-        "cleaned without it",
+        "part 3 of the object was never seen: its poses say nothing, the hand is cleaned without "
+        "it",
     ]
 
 

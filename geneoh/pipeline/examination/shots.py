@@ -49,11 +49,12 @@ def common_shots(sequence: Sequence) -> list[slice]:
 
 def shot_of(sequence: Sequence, shot: slice) -> Sequence:
     """One shot of a video. Before the first and after the last observed pose of a part in it, the
-    part rests: between shots, missing poses lead from one place to another."""
+    part rests: between shots, missing poses lead from one place to another. A part that is in no
+    frame of the shot keeps its poses, none of which counts."""
     part = sequence[shot]
     seen = part.object.observed
     between = (seen.cumsum(0) > 0) & (seen.flip(0).cumsum(0).flip(0) > 0)
-    return replace(part, object=fill_object(part.object, between))
+    return replace(part, object=fill_object(part.object, between | ~seen.any(0)))
 
 
 def told_of(sequence: Sequence, shots: list[slice]) -> Iterator[str]:

@@ -9,8 +9,9 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.metrics.report import InteractionReport, over_shots
 from geneoh.pipeline.denoise import denoise
-from geneoh.pipeline.examination.shots import common_shots, cuts_in, told_of
+from geneoh.pipeline.examination.shots import common_shots, cuts_in, shot_of, told_of
 from geneoh.pipeline.results import Denoised
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.shots import paths_of, shots_of
 
@@ -99,6 +100,19 @@ def test_an_object_that_is_lost_at_a_cut_rests_in_either_shot(video):
     assert (places[CUT : CUT + 6] == given[CUT + 6]).all()
     apart = (found.hands[0].joints - known.hands[0].joints).norm(dim=-1).mean(-1)
     assert apart.max() < 0.02  # 0.05 by poses between the two places
+
+
+def test_a_part_that_is_not_in_a_shot_keeps_its_poses(video):
+    motion = video.object
+    two = ObjectTrack(
+        motion.meshes * 2,
+        *(x.repeat_interleave(2, 1) for x in (motion.rotation, motion.translation)),
+    )
+    two.translation[CUT:, 1] = nan
+    filled = replace(video, object=fill_object(two))
+    part = shot_of(filled, slice(CUT, FRAMES)).object
+    assert part.translation.equal(filled.object.translation[CUT:])
+    assert part.seen_parts == [0]
 
 
 def test_a_shot_whose_hand_has_another_size_is_told_as_one_of_a_video(video):
