@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import concatenated
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.errors import InputError
 from geneoh.geometry.distance import MovingSurface
@@ -18,9 +19,9 @@ from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.metrics.report import FrameMeasures
 from geneoh.objects.camera_motion import steady_camera
-from geneoh.pipeline.examination.shots import cuts_in
+from geneoh.pipeline.examination.shots import common_shots, cuts_in, shot_of, with_masks
 from geneoh.readers.bodies.base import BodyRecording
-from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.gaps import without_placeholders
 from geneoh.sequence.placing import in_world
 from geneoh.sequence.resample import nearest_frames, poses_over_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence, without_unseen
@@ -210,10 +211,10 @@ def make_scene(
     """Pose every hand of one or two versions of an interaction.
 
     The object is that of the last sequence; without a mesh only hands are shown. Poses that it
-    lacks are filled in, as the cleaner does. What a moving camera saw is shown in the world, if the
-    camera's poses are known. Nothing is measured against a part that was never seen. A hand model
-    is fitted to a hand that has only keypoints. Betas of MANO get MANO's mesh where the user has
-    its files, else the embedded hand fitted to the same bones.
+    lacks are filled in, in each shot of a video, as the cleaner does. What a moving camera saw is
+    shown in the world, if the camera's poses are known. Nothing is measured against a part that was
+    never seen. A hand model is fitted to a hand that has only keypoints. Betas of MANO get MANO's
+    mesh where the user has its files, else the embedded hand fitted to the same bones.
 
     `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
     """
@@ -238,7 +239,8 @@ def make_scene(
             side: poses_over_frames(camera, drawn.shape[1]).apply(drawn)
             for side, drawn in samples.items()
         }
-    motion = fill_object(last.object)
+    shots = common_shots(replace(last, hands=tuple(map(without_placeholders, last.hands))))
+    motion = concatenated(with_masks(shot_of(last, shot).object for shot in shots))
     met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
     distance_of = partial(_distances, cache(met.surface)) if met.meshes else None
     versions = []

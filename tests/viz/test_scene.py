@@ -113,6 +113,17 @@ def test_poses_that_the_object_lacks_are_filled_in(scene, track):
     assert bool(shown.versions[0].measures.depth.isfinite().all())
 
 
+def test_an_object_that_is_lost_at_a_cut_rests_in_either_shot(scene, track):
+    away = 5.0 * (torch.arange(len(track.pose)) >= 3)[:, None]
+    moved = replace(track, wrist=track.wrist + away)
+    video = replace(replace_hands(scene, moved), fps=3.0)
+    places = video.object.translation + away[:, None]
+    lost = torch.isin(torch.arange(len(places)), torch.tensor([2, 3]))
+    motion = replace(video.object, translation=places, valid=~lost[:, None].expand(-1, 2))
+    shown = make_scene({"video": replace(video, object=motion)}).object.translation
+    assert shown.equal(places[[0, 1, 1, 4, 4, 5]])
+
+
 def test_an_object_of_which_no_part_was_seen_is_as_none(scene, track, tmp_path):
     moving = replace_hands(scene, track)
     lost = replace(moving.object, valid=torch.zeros(len(track.pose), 2, dtype=torch.bool))
