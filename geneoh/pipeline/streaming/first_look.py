@@ -12,7 +12,7 @@ from geneoh.readers.checks.convention import doubts
 from geneoh.readers.checks.hands import refuse_other_order
 from geneoh.readers.checks.holding import POSES_REACH
 from geneoh.sequence.distance_check import check_distance, least_distance
-from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.gaps import fill_object, without_placeholders
 from geneoh.sequence.repeats import repeat_notes, repeated_poses
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -64,7 +64,8 @@ class FirstLook:
         """Doubts about some frames, as if they were a file."""
         motion = concatenated([frame.object for frame in frames])
         motion = fill_object(replace(motion, meshes=self._meshes))
-        hand, lost = without_faults_of(_hand_of(frames), self._fps, motion)
+        hand = without_placeholders(_hand_of(frames))
+        hand, lost = without_faults_of(hand, self._fps, motion)
         refuse_other_order(hand, where, ORDER)
         try:
             # a hand may approach the object later, but not from farther than this

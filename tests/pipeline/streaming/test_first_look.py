@@ -1,6 +1,7 @@
 """The first frames of a stream get the checks of files: once, at their end, and change nothing."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from geneoh.pipeline.streaming.first_look import FirstLook
 from geneoh.pipeline.streaming.frame_reader import FrameReader
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.sequence.resample import with_hands_earlier
+from geneoh.sequence.sequence import HandTrack
 
 
 @pytest.fixture
@@ -59,9 +61,15 @@ def test_the_other_side_is_told(seen):
     )
 
 
-def test_a_late_hand_is_told_without_an_option_that_no_stream_has(clean):
+@pytest.mark.parametrize("unsure", [0.0, 0.3], ids=["all", "some"])
+def test_a_late_hand_is_told_without_an_option_that_no_stream_has(clean, unsure):
     mended = "than the object that it holds; give it the object's poses of its own time"
     late = with_hands_earlier(clean, -5)
+    draws = torch.Generator().manual_seed(0)
+    sure = torch.rand(late.frames, 21, generator=draws) >= unsure
+    elsewhere = torch.where(sure[..., None], late.hands[0].joints, 0.3)
+    hand = HandTrack("left", late.hands[0].valid, elsewhere, confidence=sure.float())
+    late = replace(late, hands=(hand,))
     reader = FrameReader("left", clean.object.meshes, None, None)
     first, motion, said = FirstLook(clean.object.meshes, 30.0), late.object, ()
     for frame in range(clean.frames):
