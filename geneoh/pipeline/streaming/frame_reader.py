@@ -85,7 +85,8 @@ class FrameReader:
         if is_lost(record, self._side):
             return None
         (hand,), _ = read_own(record, self._side)
-        if bool(collapsed(hand).all()):
+        is_seen = hand.confidence is None or bool(hand.confidence.any())
+        if not is_seen or bool(collapsed(hand).all()):
             return None
         check_hand(hand, where)
         has = {name for name, value in vars(hand).items() if value is not None}
@@ -103,8 +104,7 @@ class FrameReader:
             )
         if hand.joints is not None:
             self._away_from_origin |= bool(hand.joints[:, 0].any())
-        is_seen = hand.confidence is None or bool(hand.confidence.any())
-        return hand if is_seen else None
+        return hand
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
         """One frame of a hand as fields of the file format."""

@@ -387,7 +387,7 @@ def test_keypoints_without_confidence_are_a_lost_hand(noisy, fps, apart):
         for frame in range(40):
             joints, sure = clip.hands[0].joints[frame], torch.ones(21)
             if 20 <= frame < 26:
-                joints, sure = joints + 0.2, torch.zeros(21)
+                joints, sure = 9 * joints, torch.zeros(21)  # no hand is so large
             hand = None if lost and not bool(sure.any()) else {"joints": joints, "confidence": sure}
             pose = clip.object.rotation[frame], clip.object.translation[frame]
             frames.append(stream.push(hand, pose))
