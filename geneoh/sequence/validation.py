@@ -139,12 +139,12 @@ def check_camera(poses: Float[Tensor, "T 4 4"] | None, frames: int, name: str) -
 def check_hand(hand: HandTrack, name: str) -> None:
     """Refuse a hand of the wrong size or with angles that are not in radians."""
     check_seen(hand, name)
-    for points in (hand.joints, hand.wrist):
-        if points is not None:
-            check_place(points[hand.valid], f"the {hand.side} hand", name)
     for field in ("pose", "confidence"):
         if (values := getattr(hand, field)) is not None:
             check_finite(values[hand.valid], f"'{field}' of the {hand.side} hand", name)
+    for points, seen in ((hand.joints, hand.trust > 0), (hand.wrist, hand.valid)):
+        if points is not None:  # keypoints without confidence may be anywhere
+            check_place(points[seen], f"the {hand.side} hand", name)
     if hand.betas is not None and not bool(hand.betas.isfinite().all()):
         raise InputError(
             f"{name}: 'betas' of the {hand.side} hand must be finite, got NaN or infinity; "

@@ -98,12 +98,13 @@ def test_a_hand_may_be_zeros_in_most_of_the_frames():
 
 
 def test_keypoints_without_confidence_may_be_anywhere():
-    confidence = torch.ones(FRAMES, 21)
+    confidence, eighth = torch.ones(FRAMES, 21), torch.tensor([8])
     confidence[:, [0, 8]] = 0.0
     joints = HAND.joints.clone()
     joints[:, [0, 8]] += 3.0
     lost = replace(HAND, joints=joints, wrist=HAND.joints[:, 0], confidence=confidence)
     check_sequence(replace(GOOD, hands=(lost,)))
+    check_sequence(replace(GOOD, hands=(replace(lost, joints=joints.index_fill(1, eighth, 1e9)),)))
     with pytest.raises(InputError, match="these look like centimetres"):
         check_sequence(replace(GOOD, hands=(replace(lost, confidence=None),)))
 
