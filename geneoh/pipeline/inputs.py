@@ -82,7 +82,7 @@ def checked_meshes(meshes: Iterable[Mesh], source: str = "") -> tuple[Mesh, ...]
 
 def left_out(sequence: Sequence) -> Iterator[str]:
     """Sentences for the user about hands in no frame, and about hand frames that are collapsed to a
-    point or all zero."""
+    point or all zero in spite of some confidence."""
     kept = without_unseen(sequence).hands
     yield from (
         f"the {hand.side} hand is in no frame and was left out"
@@ -90,7 +90,7 @@ def left_out(sequence: Sequence) -> Iterator[str]:
         if hand not in kept
     )
     for hand in kept:
-        if count := int(collapsed(hand).sum()):
+        if count := int((collapsed(hand) & hand.observed).sum()):
             yield (
                 f"{numbered(count, 'frame')} in which all keypoints of the {hand.side} hand are in "
                 "one place, or all its parameters zero, taken as missing; mark them by NaN or "

@@ -8,7 +8,7 @@ import torch
 
 import geneoh
 from geneoh.hand.skeleton import TIP_KEYPOINTS
-from geneoh.pipeline.inputs import checked_interaction
+from geneoh.pipeline.inputs import checked_interaction, left_out
 from geneoh.readers.checks.delay import hand_delay
 from geneoh.sequence.resample import with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -82,6 +82,16 @@ def test_frames_without_any_confidence_do_not_count_for_a_delay(clean):
     told = replace(hand, joints=spoilt, pose=None, wrist=None, confidence=confidence)
     found = checked_interaction(replace(late, hands=(told,)))
     assert hand_delay(found.hands[0], found.object, found.fps) == 4
+
+
+def test_zeros_are_told_unless_they_have_no_confidence(short):
+    hand, lost = short.hands[0], torch.arange(short.frames) < 6
+    zeros = hand.joints.masked_fill(lost[:, None, None], 0.0)
+    sure = torch.ones(short.frames, 21)
+    for confidence, told in ((sure, True), (sure * ~lost[:, None], False)):
+        given = HandTrack(hand.side, hand.valid, joints=zeros, confidence=confidence)
+        words = list(left_out(replace(short, hands=(given,))))
+        assert any(said.startswith("6 frames in which all keypoints") for said in words) == told
 
 
 def test_a_hand_with_all_keypoints_or_a_pose_has_no_such_note(short):
