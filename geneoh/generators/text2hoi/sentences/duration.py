@@ -21,15 +21,18 @@ _VALUES |= {"a": 1, "an": 1, "couple": 2, "half": 0.5, "quarters": 0.25, "quarte
 _UNITS = {"frame": 1.0, "minute": 60 * FPS, "milli": FPS / 1000, "ms": FPS / 1000}
 """Frames of each unit; all other units are seconds."""
 _WORD = "|".join((*_VALUES, "hundred"))
-_FRACTION = r"(?:\d{1,3} )?\d{1,3}/[1-9]\d{0,2}"
-_NUMBER = rf"{_FRACTION}|\d{{1,9}}(?:[.,]\d{{1,9}})?|(?:{_WORD})(?:(?: and | of | |-)(?:{_WORD}))*"
+_FRACTION = r"(?:\d{1,3} (?:and )?)?\d{1,3}/[1-9]\d{0,2}"
+_DIGITS = r"\d{1,9}(?:[.,]\d{1,9})?(?:[ -]and[ -]a[ -]half)?"
+_NUMBER = rf"{_FRACTION}|{_DIGITS}|(?:{_WORD})(?:[ -](?:(?:and|of)[ -])?(?:{_WORD}))*"
+_RANGE = r"(?: to | or | - ?|(?<!ty)- ?(?!(?:and|an?|half|quarters?|hundred)\b)|-(?=\w+ty\b))"
+"""What stands between the ends of a range: the hyphens of "twenty-five" and "half-a" do not."""
 _ABOUT = (
     r"(?:(?:about|around|exactly|roughly|almost|nearly|only|just|at least|at most|more than"
     r"|less than) )*"
 )
 _BEFORE = rf"\b(?:(?:for|in|within|over|during|lasting|lasts|taking|takes) )?{_ABOUT}"
 _STATED = re.compile(
-    rf"(?P<words>(?P<before>{_BEFORE})(?:\b(?:{_NUMBER})(?: to | or | ?- ?))?"
+    rf"(?P<words>(?P<before>{_BEFORE})(?:\b(?:{_NUMBER}){_RANGE})?"
     rf"(?P<minus>(?<!\S)-|\bminus )?(?P<number>\b(?:{_NUMBER}))"
     r"(?: of)?(?: an?)?(?: |-)?"
     r"(?P<unit>milliseconds?|msecs?|ms|seconds?|secs?|s|frames?|minutes?|min)\b"
@@ -66,7 +69,8 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
     Raises:
         InputError: the sentence states more than one length.
     """
-    found = [match for match in _STATED.finditer(sentence) if _is_length(match)]
+    whole = re.sub(r"(?<![\w.])\.(?=\d)", "0.", sentence)  # ".5 seconds"
+    found = [match for match in _STATED.finditer(whole) if _is_length(match)]
     if not found:
         return sentence, None
     if len(found) > 1:
@@ -76,7 +80,7 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
     each = next(
         (size for unit, size in _UNITS.items() if match["unit"].lower().startswith(unit[:3])), FPS
     )
-    rest = sentence[: match.start()] + sentence[match.end() :]
+    rest = whole[: match.start()] + whole[match.end() :]
     frames = round(each * (number_of(match["number"]) + (0.5 if match["half"] else 0)))
     return " ".join(rest.split()), Stated(match["words"], -frames if match["minus"] else frames)
 
@@ -109,11 +113,13 @@ def _is_length(match: re.Match[str]) -> bool:
 
 
 def number_of(text: str) -> float:
-    """The number in digits or words: "2.5", "1,500", "1 1/2", "two and a half", "a hundred"."""
+    """The number in digits or words: "2.5", "1,500", "1 1/2", "two-and-a-half", "a hundred"."""
+    text = re.sub(r"\bone[ -]half\b", "half", text.lower())
     if text[0].isdecimal():
+        text = re.sub(r"[ -]and[ -]a[ -]half$", " 1/2", text).replace(" and ", " ")
         text = re.sub(r"^(\d{1,3}),(?=\d{3}$)", r"\1", text)  # a comma between thousands
         return float(sum(Fraction(part) for part in text.replace(",", ".").split()))
-    words = [word for word in re.split(r"[ -]", text.lower()) if word not in ("and", "of")]
+    words = [word for word in re.split(r"[ -]", text) if word not in ("and", "of")]
     total = last = 0.0
     for word in words:
         if word == "hundred":

@@ -31,6 +31,16 @@ from geneoh.generators.text2hoi.sentences.prompt import read_prompt
         ("shake it for 1/2 second", "shake it", 15),
         ("shake it for 1 1/2 seconds", "shake it", 45),
         ("shake it for 500 milliseconds", "shake it", 15),
+        ("shake it for forty-five frames", "shake it", 45),
+        ("shake it for a hundred and twenty-five frames", "shake it", 125),
+        ("shake it for twenty-five to thirty-five frames", "shake it", 35),
+        ("shake it for two-three seconds", "shake it", 90),
+        ("shake it for two-and-a-half seconds", "shake it", 75),
+        ("shake it for 2 and a half seconds", "shake it", 75),
+        ("shake it for three-quarters of a second", "shake it", 22),
+        ("shake it for one-half of a second", "shake it", 15),
+        ("shake it for half-a-second", "shake it", 15),
+        ("shake it for .5 seconds", "shake it", 15),
     ],
 )
 def test_a_length_is_taken_out_of_the_sentence(sentence, rest, frames):
