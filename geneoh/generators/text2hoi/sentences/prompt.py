@@ -47,11 +47,15 @@ _ONE: dict[HandsName, re.Pattern[str]] = {
     )
     for hands, side in zip(HANDS, SIDES, strict=False)
 }
-_FINGERS = re.compile(r"\b(?:finger|fingertip)s?\b")
+_OF_ONE = re.compile(
+    r"\b(?:finger|fingertip)s?\b|\b(?:one|a|single) hand(?:ed|edly)?\b(?!.*\bother\b)"
+)
+"""What is of one hand, whichever it is."""
 _DIRECTION = re.compile(
     r"\b(?:to|towards?) (?:the |my |your )?(?:left|right|front|back)\b(?! (?:\w+ )?hand)"
     r"|\b(?:for|back)wards?\b"
 )
+_ONE_HANDED = (["one", "handed"], ["single", "handed"])  # no form of "hand", to pass something
 _NO_VERB_AFTER = frozenset(
     ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
 )
@@ -201,7 +205,8 @@ def named_verbs(words: Sequence[str]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for start, word in enumerate(words):
-        if start and words[start - 1] in _NO_VERB_AFTER:
+        pair = list(words[start - 1 : start + 1])
+        if start and (pair[0] in _NO_VERB_AFTER or pair in _ONE_HANDED):
             continue
         for phrase, verb in _phrases().get(word, ()):
             rest = phrase.split()[1:]
@@ -236,12 +241,12 @@ def asked_hands(
         raise refused(sentence, f"one choice of hands, found {both}")
     if one:
         return one[0], ()
-    model, fingers = shipped_model(), _FINGERS.search(text)  # "two fingers" are of one hand
+    model, of_one = shipped_model(), _OF_ONE.search(text)  # "two fingers" are of one hand
     aimless = _DIRECTION.sub("", text)  # "to the left" names no hand
-    read = "" if fingers else model.hands[int(model.read(aimless).hands[0].argmax())]
+    read = "" if of_one else model.hands[int(model.read(aimless).hands[0].argmax())]
     if read == "left hand" or read == "right hand" or read == "both hands":
         return read, (f"the sentence names no hand plainly; it is read as '{read}'",)
-    hands: HandsName = "both hands" if verb == "pass" and not fingers else "right hand"
+    hands: HandsName = "both hands" if verb == "pass" and not of_one else "right hand"
     return hands, (f"the sentence names no hand; '{hands}' is taken",)
 
 

@@ -387,11 +387,20 @@ def test_a_mesh_that_cannot_open_or_close_is_told(said):
     assert any("has no joint" in note for note in read_prompt(said).notes)
 
 
-@pytest.mark.parametrize("sentence", ["pinch the coin with two fingers", "lift it between fingers"])
-def test_fingers_are_of_one_hand(sentence):
+@pytest.mark.parametrize(
+    ("sentence", "verb"),
+    [
+        ("pick up the coin with two fingers", "lift"),
+        ("lift it between fingers", "lift"),
+        ("with just one hand, lift the mug", "lift"),
+        ("pour from the mug one-handed", "pour"),
+        ("pass the mug single-handed", "pass"),
+    ],
+)
+def test_fingers_and_one_hand_are_of_one_hand(sentence, verb):
     prompt = read_prompt(sentence)
-    assert prompt.hands == "right hand"
-    assert "the sentence names no hand; 'right hand' is taken" in prompt.notes
+    assert (prompt.verb, prompt.hands) == (verb, "right hand")
+    assert prompt.notes == ("the sentence names no hand; 'right hand' is taken",)
 
 
 @pytest.mark.parametrize(
