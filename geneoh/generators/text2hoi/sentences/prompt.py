@@ -130,7 +130,9 @@ def without_ruled_out_verbs(
     kept, left_out = list(words), []
     for index in reversed(range(len(words))):
         start = index + rules_out(kept, index)
-        if start > index and starts_with_verb(kept[start:]):
+        used = kept[start : start + 1] in (["use"], ["using"])
+        of_hands = used and no_hand_in(" ".join(kept[index:]))
+        if start > index and starts_with_verb(kept[start:]) and not of_hands:
             stop = start + 1 + (kept[start + 1 : start + 2] in (["it"], ["them"]))
             left_out.append(" ".join(kept[index:stop]))
             del kept[index:stop]

@@ -233,6 +233,8 @@ def test_a_hand_that_is_ruled_out_leaves_the_other_one(sentence, hands, told):
     [
         ("lift the cup with neither hand", "'neither hand'"),
         ("lift the cup with no hands", "'no hands'"),
+        ("lift the cup without using your hands", "'without using your hands'"),
+        ("do not use both hands to lift the cup", "'not use both hands'"),
         ("lift the cup without the left or the right hand", "neither of the two"),
         ("lift it with both hands, without the left hand", "left hand both named and ruled out"),
     ],
