@@ -180,19 +180,23 @@ class Denoised(Bundle):
         for side, hand in self.hands.items():
             yield f"{side} hand: {hand.work_done()}"
             yield from hand.lines()
-        yield from self.between_hands()
-        for note in self.notes:
-            yield f"note: {note}"
+        yield from self._of_clip()
 
     def measures(self) -> Iterator[str]:
-        """Measures of the hands before and after, without what concerns the input: for people to
-        read of hands that a generator made."""
+        """Measures of the hands before and after, and notes on the clip, without what concerns the
+        input of hands: for people to read of hands that a generator made."""
         for side, hand in self.hands.items():
             yield f"{side} hand:"
             yield from hand.measures()
             for note in through_walls(hand.before, hand.after):
                 yield f"  note: {note}"
+        yield from self._of_clip()
+
+    def _of_clip(self) -> Iterator[str]:
+        """Penetration depth of two hands in each other, and notes on the sequence."""
         yield from self.between_hands()
+        for note in self.notes:
+            yield f"note: {note}"
 
     def between_hands(self) -> Iterator[str]:
         """Penetration depth of two hands in each other, before and after."""

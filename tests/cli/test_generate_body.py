@@ -54,12 +54,15 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
 
     def cleaned(sequence, options, on_progress):
         seen.append((sequence, options))
-        return Denoised(sequence, {}, ())
+        return Denoised(sequence, {}, ("a pose is lost",))
 
     monkeypatch.setattr(on_body, "denoise", cleaned)
     bodies.held_cylinder(folder, bodies.swaying(6))
     held = ("--obj", "mug.obj", "--object-pose", "poses.npy")
-    geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--seed", 4)
+    told = geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--seed", 4).stdout
+    assert "note: a pose is lost" in told
+    with np.load(folder / "walk_hands.npz") as arrays:
+        assert "a pose is lost" in arrays["notes"]
     ((sequence, options),) = seen
     assert options == Options(seed=4)
     poses = np.load(folder / "poses.npy")

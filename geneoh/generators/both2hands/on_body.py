@@ -104,7 +104,7 @@ class BodyWithHands:
     def extra_arrays(self) -> Arrays:
         """The body by smplx names (`geneoh.readers.bodies.smpl.body_fields`), `prompt` and `notes`
         (N,), for `geneoh.save`."""
-        notes = np.array(self.body.notes, str)
+        notes = np.array((*self.body.notes, *(self.refined.notes if self.refined else ())), str)
         return body_fields(self.body) | {"prompt": np.array(self.sentence), "notes": notes}
 
 

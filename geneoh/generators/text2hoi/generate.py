@@ -105,11 +105,12 @@ class Generated:
 
     def extra_arrays(self) -> Arrays:
         """`contact` (V,), `prompt`, `verb` and `notes` (N,), for `geneoh.save`."""
+        notes = (*self.prompt.notes, *(self.refined.notes if self.refined else ()))
         return {
             "contact": self.contact.numpy(),
             "prompt": np.array(self.prompt.sentence),
             "verb": np.array(self.prompt.verb),
-            "notes": np.array(self.prompt.notes, str),
+            "notes": np.array(notes, str),
         }
 
 

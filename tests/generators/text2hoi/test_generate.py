@@ -110,6 +110,13 @@ def test_the_file_is_a_sequence_with_contact_at_the_vertices_and_the_sentence(mu
         assert tuple(arrays["notes"]) == made.prompt.notes
 
 
+def test_what_the_cleaner_notes_on_the_clip_is_told_and_kept(mug):
+    made = generate("Lift the mug with the left hand.", mug, PLAIN)
+    made = replace(made, refined=Denoised(made.sequence, {}, ("the mesh is open",)))
+    assert str(made).endswith("\nnote: the mesh is open")
+    assert made.extra_arrays()["notes"].tolist() == [*made.prompt.notes, "the mesh is open"]
+
+
 def test_the_object_stands_on_the_table_as_it_was_asked_to(mug, monkeypatch):
     monkeypatch.setattr(module, "finished", lambda actions, settle: still_actions(actions))
     made = generate("Lift the mug.", mug, replace(PLAIN, up="y"))
