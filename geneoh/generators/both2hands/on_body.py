@@ -146,6 +146,11 @@ def generate_on_body(
             f"{type(held).__name__}; a Sequence has one in .object"
         )
     body, notes = body_of(body), list[str]()
+    if held is not None and len(held.rotation) != body.frames:
+        raise InputError(
+            f"geneoh.generate_on_body: 'held' must have as many frames as the body, {body.frames}, "
+            f"got {len(held.rotation)}; cut them to the same frames"
+        )
     if words := ruled_out_words(sentence):
         notes.append(f"'{words}' may not be followed; say what the hands do instead")
     is_shipped = options.weights is None and options.text_encoder is None

@@ -209,6 +209,12 @@ def test_an_object_without_a_mesh_is_told(asked, held):
         assert any("poses and no mesh" in note for note in notes) == told
 
 
+@pytest.mark.parametrize("refine", ["geneoh", "none"])
+def test_an_object_of_other_frames_than_the_body_is_refused(asked, held, refine):
+    with pytest.raises(InputError, match="as many frames as the body, 6, got 5"):
+        generate_on_body("rest", bodies.recording(), BodyOptions(refine=refine), held=held[:5])
+
+
 def test_a_single_frame_gets_hands_too(asked, tmp_path):
     path = bodies.smplx_names(tmp_path / "a.npz", bodies.swaying(1))
     assert generate_on_body("rest", read_body(path)).sequence.frames == 1
