@@ -30,7 +30,7 @@ DEEPER = 0.0008
 HINGE, SLIDE = math.radians(110.0), 0.12
 """Largest opening of a joint of unknown range, radians and metres."""
 LEAST_RANGE = {"hinge": math.radians(10.0), "slide": 0.01}
-"""Least range of a joint that opens, radians and metres."""
+"""Least range of a joint that opens, radians and metres, or half of a smaller one that is given."""
 OPENS = math.radians(60.0)  # least range of a hinge that is found from shapes
 COMPARED_STATES = 34  # states over the range in which parts are compared
 TRIED = 12  # states in which candidates for a hinge are compared
@@ -120,7 +120,7 @@ def joint_of(meshes: tuple[Mesh, Mesh], known: Joint | None) -> tuple[Joint, tup
         return joint, (f"the joint is found from the meshes: --joint {joint}", *notes)
     refuse_far(meshes, known)
     most = known.most or (SLIDE if known.slides else HINGE)
-    least, room = LEAST_RANGE[known.kind], parts.room(known, most)
+    least, room = min(LEAST_RANGE[known.kind], most / 2), parts.room(known, most)
     if room >= least:
         notes = ()
         if known.most is not None and room < most - 1e-6:

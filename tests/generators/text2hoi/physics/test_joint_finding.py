@@ -71,9 +71,14 @@ def test_a_joint_that_is_given_keeps_its_range(meshes, text):
 
 
 @pytest.mark.parametrize(
-    ("meshes", "text"), [(box_with_lid(), HINGE), (case_with_drawer(), DRAWER)]
+    ("meshes", "text"),
+    [
+        *((box_with_lid(), HINGE), (box_with_lid(), HINGE.replace(":100", ":5"))),
+        *((case_with_drawer(), DRAWER), (case_with_drawer(), "slide:0,-1,0:0.5")),
+    ],
 )
 def test_a_joint_that_runs_into_the_other_part_is_refused_with_the_cure(meshes, text):
+    assert joint_of(meshes, Joint.read(text))[1] == ()
     joint = Joint.read(text)
     with pytest.raises(InputError, match="runs into it at once; turn the axis round"):
         joint_of(meshes, replace(joint, axis=-joint.axis))
