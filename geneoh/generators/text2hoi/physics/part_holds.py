@@ -27,6 +27,7 @@ from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh, tidied
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.solid import build_solid
 from geneoh.synthesis.actions.action import Actions
 from geneoh.synthesis.grasping.contact_pads import Obstacles, OtherHands, Table
 from geneoh.synthesis.shapes.scans import HAND_SPAN, WIDE_SHARE, MeshFolder, Scans, build_scans
@@ -40,6 +41,7 @@ RISE = 6  # frames over which a hand is lifted out of the table
 FREE, CLEAR = 0.005, 0.001
 """Distance from the first part above which a finger fits behind the second one, or can touch it,
 metres."""
+FLAT = 1e-5  # distance of a mesh's vertices from a plane below which it is flat, metres
 AVOIDED_STATES = 7  # states of the joint, ends included, in which a hold avoids the first part
 
 
@@ -56,11 +58,7 @@ class PartShapes:
 
         The first part is replaced by its convex hull, so that no hand is shut in.
         """
-        corners = meshes[0].verts
-        filled = Mesh(
-            corners, torch.from_numpy(ConvexHull(corners.double().numpy()).simplices).long()
-        )
-        meshes = tidied(filled), meshes[1]
+        meshes = hull(meshes[0]), meshes[1]
         middles = [(mesh.verts.amin(0) + mesh.verts.amax(0)) / 2 for mesh in meshes]
         moved = (Mesh(m.verts - at, m.faces) for m, at in zip(meshes, middles, strict=True))
         names = ("the first part", "the second part")
@@ -95,6 +93,14 @@ class PartShapes:
             travel=none[:, :2],
             scans=self.scans,
         )
+
+
+def hull(mesh: Mesh) -> Mesh:
+    """The convex hull of a mesh, or of the wall that a flat mesh gets as a solid."""
+    verts = mesh.verts.double()
+    if float(torch.linalg.svdvals(verts - verts.mean(0)).amin()) < FLAT:
+        verts = build_solid(mesh).surface.verts.double()
+    return tidied(Mesh(verts.float(), torch.from_numpy(ConvexHull(verts.numpy()).simplices).long()))
 
 
 def graspable(

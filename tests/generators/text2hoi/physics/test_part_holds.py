@@ -21,7 +21,9 @@ from geneoh.generators.text2hoi.physics.part_holds import (
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.joint import Joint
+from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
+from geneoh.geometry.openings import SHEET_THICKNESS
 from geneoh.geometry.rigid import Rigid
 from geneoh.synthesis.actions.acting import overlap_of_hands
 from geneoh.synthesis.grasping.contact_pads import OtherHands
@@ -80,6 +82,14 @@ def test_the_first_part_is_filled_so_that_no_hand_is_shut_in(lidded, shapes):
     pose = Rigid(torch.eye(3)[None, None], torch.zeros(1, 1, 3))
     seen = shapes.seen_from(0, pose, lidded.joint)
     assert seen.signed_distance(torch.zeros(1, 1, 3)) < -0.02
+
+
+def test_a_flat_first_part_is_as_thick_as_the_wall_of_a_sheet():
+    corners = torch.tensor([[0.0, 0, 0], [0.1, 0, 0.1], [0.1, 0.1, 0.1], [0, 0.1, 0]])
+    sheet = Mesh(corners, torch.tensor([[0, 1, 2], [0, 2, 3]]))
+    filled = part_holds.hull(sheet).verts
+    across = filled @ torch.tensor([0.5, 0, -0.5]) * 2**0.5
+    assert float(across.max() - across.min()) == pytest.approx(SHEET_THICKNESS, abs=1e-5)
 
 
 @pytest.mark.parametrize(
