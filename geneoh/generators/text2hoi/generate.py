@@ -158,6 +158,7 @@ def generate(
     if len(meshes) == 2 and prompt.verb in JOINTED:
         pair = meshes[0], meshes[1]
         jointed, notes = JointedObject.of(pair, stood, known, closes=prompt.verb == "close")
+        stood = jointed.stood
     actions, contact = _sampled(networks, prompt, stood, jointed, options, on_progress)
     if jointed is not None:
         actions = jointed.guided(actions)

@@ -23,8 +23,11 @@ from geneoh.generators.text2hoi.physics.standing import StandingObject
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.sampling import sample_surface
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 
+LEAST_POINTS = 8  # points of the second part, which by its area alone may have none
 AS_NEAR = 0.005  # metres by which a hand may be farther away than in the best sample
 LOST_MOTION = 0.1  # share of the joint's motion that may be lost without a note
 
@@ -51,9 +54,14 @@ class JointedObject:
         found, notes = joint_of(meshes, joint)
         upright = [Mesh(mesh.verts @ stood.rotation.T + stood.shift, mesh.faces) for mesh in meshes]
         first, second = (SurfaceDistance(m).query(stood.points).distance.abs() for m in upright)
-        moved = found.moved(stood.rotation, stood.shift)
-        parts = upright[0], upright[1]
-        return cls(stood, parts, (second < first).long(), moved, closes), notes
+        moved, part = found.moved(stood.rotation, stood.shift), (second < first).long()
+        if int(part.sum()) < LEAST_POINTS:
+            own = sample_surface(upright[1], LEAST_POINTS, generator=seeded_generator("part"))
+            points = torch.cat([stood.points[LEAST_POINTS:], own.points])
+            normals = torch.cat([stood.normals[LEAST_POINTS:], own.normals])
+            stood = replace(stood, points=points, normals=normals)
+            part = torch.cat([part[LEAST_POINTS:], torch.ones_like(part[:LEAST_POINTS])])
+        return cls(stood, (upright[0], upright[1]), part, moved, closes), notes
 
     @property
     def most(self) -> float:

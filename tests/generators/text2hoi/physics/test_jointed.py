@@ -1,12 +1,18 @@
 import pytest
 import torch
 from draws import seeded
-from two_parts import HINGE, box_with_lid
+from two_parts import HINGE, box_with_lid, cuboid
 
 from geneoh.errors import ConfigError, InputError
-from geneoh.generators.text2hoi.physics.jointed import JointedObject, asked_joint, joined
+from geneoh.generators.text2hoi.physics.jointed import (
+    LEAST_POINTS,
+    JointedObject,
+    asked_joint,
+    joined,
+)
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.geometry.joint import Joint
+from geneoh.geometry.mesh_files import from_trimesh
 
 
 def test_parts_as_one_mesh_keep_their_faces():
@@ -26,6 +32,17 @@ def test_points_are_of_the_part_that_they_lie_on_and_the_joint_is_upright():
     assert torch.equal(found.part > 0, height[:, 2] > 0.0702)
     assert found.objects.motion[0, :2].tolist() == [1, 0]
     assert torch.allclose(found.joint.axis, stood.rotation @ torch.tensor([-1.0, 0, 0]), atol=1e-6)
+
+
+def test_a_part_that_is_tiny_beside_the_other_one_has_points_all_the_same():
+    case, knob = cuboid((0.6, 0.4, 0.1), (0, 0, 0.05)), cuboid((0.01, 0.01, 0.01), (0, 0, 0.1052))
+    meshes = from_trimesh(case), from_trimesh(knob)
+    stood = stand_on_table(joined(meshes), generator=seeded())
+    found, _ = JointedObject.of(meshes, stood, Joint.read("slide:0,0,1:5"), closes=False)
+    there = found.objects.points[0, found.part > 0]
+    assert len(there) >= LEAST_POINTS
+    assert len(found.stood.points) == len(stood.points)
+    assert (there[:, 2] > 0.1).all()
 
 
 @pytest.mark.parametrize(
