@@ -9,7 +9,7 @@ from torch import Tensor
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi.networks.objects import Objects
-from geneoh.generators.text2hoi.physics.joint_finding import joint_of
+from geneoh.generators.text2hoi.physics.joint_finding import COMPARED_STATES, joint_of
 from geneoh.generators.text2hoi.physics.opening import (
     guided,
     left_out,
@@ -28,6 +28,7 @@ from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions.action import TOUCHED, Actions
 
 LEAST_POINTS = 8  # points of the second part, which by its area alone may have none
+IN_TABLE = 0.005  # how far an edge of it may dip into the table beside an imprecise hinge, metres
 AS_NEAR = 0.005  # metres by which a hand may be farther away than in the best sample
 LOST_MOTION = 0.1  # share of the joint's motion that may be lost without a note
 
@@ -55,6 +56,11 @@ class JointedObject:
         upright = [Mesh(mesh.verts @ stood.rotation.T + stood.shift, mesh.faces) for mesh in meshes]
         first, second = (SurfaceDistance(m).query(stood.points).distance.abs() for m in upright)
         moved, part = found.moved(stood.rotation, stood.shift), (second < first).long()
+        most = room_over_table(moved, upright[1])
+        if moved.most is not None and most < moved.most:
+            words = f"{moved.in_unit(most)} {'cm' if moved.slides else 'degrees'}"
+            notes = (*notes, f"the part meets the table beyond {words}, where the joint ends")
+            moved = replace(moved, most=most)
         if int(part.sum()) < LEAST_POINTS:
             own = sample_surface(upright[1], LEAST_POINTS, generator=seeded_generator("part"))
             points = torch.cat([stood.points[LEAST_POINTS:], own.points])
@@ -105,6 +111,13 @@ class JointedObject:
             return actions, ()
         fault = "the hand is not always at the part while that should move, and it then rests"
         return actions, (f"{fault}; another seed may make a better one",)
+
+
+def room_over_table(joint: Joint, part: Mesh) -> float:
+    """The state of a joint up to which the second part, which is upright, is over the table."""
+    states = torch.linspace(0.0, joint.most or 0.0, COMPARED_STATES)
+    free = joint.pose(states).apply(part.verts)[..., 2].amin(-1) > -IN_TABLE
+    return float(states[int(free.long().cumprod(0).sum()) - 1])
 
 
 def joined(meshes: tuple[Mesh, ...]) -> Mesh:

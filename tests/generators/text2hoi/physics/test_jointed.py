@@ -5,6 +5,7 @@ from two_parts import HINGE, box_with_lid, cuboid
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi.physics.jointed import (
+    IN_TABLE,
     LEAST_POINTS,
     JointedObject,
     asked_joint,
@@ -43,6 +44,18 @@ def test_a_part_that_is_tiny_beside_the_other_one_has_points_all_the_same():
     assert len(there) >= LEAST_POINTS
     assert len(found.stood.points) == len(stood.points)
     assert (there[:, 2] > 0.1).all()
+
+
+@pytest.mark.parametrize(("angle", "told"), [("", True), (":80", False)])
+def test_a_door_that_opens_downward_ends_at_the_table(angle, told):
+    case, door = cuboid((0.2, 0.16, 0.15), (0, 0, 0.075)), cuboid((0.2, 0.01, 0.15), (0, -0.086, 0))
+    meshes = from_trimesh(case), from_trimesh(door.apply_translation((0, 0, 0.075)))
+    stood = stand_on_table(joined(meshes), generator=seeded())
+    joint = Joint.read(f"hinge:0,-0.091,0:1,0,0{angle}")
+    found, notes = JointedObject.of(meshes, stood, joint, closes=False)
+    lowest = found.joint.pose(torch.tensor([found.most])).apply(found.meshes[1].verts)[..., 2].min()
+    assert -IN_TABLE < float(lowest) < 0.03
+    assert any("the part meets the table beyond 90 degrees" in note for note in notes) == told
 
 
 @pytest.mark.parametrize(
