@@ -83,19 +83,25 @@ def settled(actions: Actions, stood: StandingObject, *, generator: torch.Generat
     """The first action with hands that touch its object and penetrate neither it nor the table.
 
     The hand that carries the object longer is settled first, and the other one avoids it. A hand
-    that lifts the object without a sampled pose that holds it takes the closest grasp found.
+    that lifts the object without a sampled pose that holds it takes the closest grasp found. One
+    that never touches the object is only pushed out of it, the table and the other hand.
     """
     solids, middle = solid_of(stood)
     touching, moves = touching_hands(actions)[0], frames_of_motion(actions)
     before: OtherHands | None = None
     other_way: OtherHands | None = None
     for number in (touching & moves).sum(1).argsort(descending=True).tolist():
-        if not bool(touching[number].any()):
+        if not bool(actions.hands[0, number]):
             continue
         own = solids if number else solids.mirrored()
+        hand, table = HeldHands.of(actions, number, middle), table_of(actions, number, middle)
+        if not bool(touching[number].any()):
+            out = shifts_out(own, hand, Obstacles(table, other_way))
+            if bool(out.any()):
+                actions = replace(hand, wrist=hand.wrist + out).into(actions, number, middle)
+            continue
         carrying = touching[number] & moves
         hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
-        hand, table = HeldHands.of(actions, number, middle), table_of(actions, number, middle)
         lowest = hold[table.height[hold].argmin()]  # there a kept pose is nearest to the table
         nearest = Obstacles(table.take(lowest[None], "B"), before)
         held, frame, fits = settled_pose(own, hand, hold, nearest)

@@ -84,10 +84,17 @@ def test_a_hand_that_sinks_in_comes_out_and_holds(rod, side):
     assert held.abs().amax() < 1e-4  # still at rest at the object, as it was drawn
 
 
-def test_a_hand_that_never_touches_stays_as_it_is(rod):
+def test_a_hand_that_never_touches_stays_as_it_is_but_out_of_the_table(rod):
     actions = sunk(rod, 1)
     away = replace(actions, wrist=actions.wrist + torch.tensor([0.5, 0.0, 0.0]))
     assert torch.equal(settled(away, rod, generator=seeded()).pose, away.pose)
+    low = replace(
+        away, wrist=away.wrist - torch.tensor([0.0, 0.0, 0.1]) * away.hands[..., None, None]
+    )
+    raised = settled(low, rod, generator=seeded())
+    assert low.keypoints()[0, 1, :, :, 2].amin() < -0.02
+    assert raised.keypoints()[0, 1, :, :, 2].amin() > 0
+    assert raised.wrist.isclose(low.wrist, atol=1e-6)[..., :2].all()
 
 
 @pytest.mark.parametrize("side", [0, 1])
