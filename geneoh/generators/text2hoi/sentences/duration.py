@@ -45,12 +45,13 @@ _RATE = re.compile(
     re.IGNORECASE,
 )
 _AMOUNT = re.compile(
-    rf"\b(?:by )?{_ABOUT}(?!an? )(?:{_NUMBER})(?: |-)?"
+    rf"\b(?:by )?{_ABOUT}(?!an? )(?:(?:{_NUMBER}){_RANGE})?(?:{_NUMBER})(?: |-)?"
     r"(?:[mck]?m|(?:milli|centi|kilo)?met(?:er|re)s?|inch(?:es)?|feet"
     r"|deg(?:ree)?s?|\u00b0|rad(?:ian)?s?|times|rounds|turns)(?!\w)"
     r"|\b(?:twice|thrice)\b",
     re.IGNORECASE,
 )
+_BARE_POINT = re.compile(r"(?<![\w.])\.(?=\d)")  # of ".5 seconds"
 _NO_LENGTH = re.compile(r"\b(after|every|each|ago|until|the)$", re.IGNORECASE)
 """Words after which a time is not the length: "after two seconds"."""
 
@@ -69,7 +70,7 @@ def stated_length(sentence: str) -> tuple[str, Stated | None]:
     Raises:
         InputError: the sentence states more than one length.
     """
-    whole = re.sub(r"(?<![\w.])\.(?=\d)", "0.", sentence)  # ".5 seconds"
+    whole = _BARE_POINT.sub("0.", sentence)
     found = [match for match in _STATED.finditer(whole) if _is_length(match)]
     if not found:
         return sentence, None
@@ -97,8 +98,9 @@ def without_rate(sentence: str) -> tuple[str, tuple[str, ...]]:
 
 def without_amounts(sentence: str) -> tuple[str, tuple[str, ...]]:
     """A sentence without distances, angles and counts, and a note on each: "10 cm", "twice"."""
-    found = [match[0].strip() for match in _AMOUNT.finditer(sentence)]
-    rest = " ".join(_AMOUNT.sub(" ", sentence).split())
+    whole = _BARE_POINT.sub("0.", sentence)
+    found = [match[0].strip() for match in _AMOUNT.finditer(whole)]
+    rest = " ".join(_AMOUNT.sub(" ", whole).split()) if found else sentence
     return rest, tuple(
         f"'{words}' is not followed: the networks choose how far and how often" for words in found
     )
