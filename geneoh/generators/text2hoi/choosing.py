@@ -119,7 +119,8 @@ def _over_frames(values: Float[Tensor, "B T"], actions: Actions) -> Float[Tensor
 def missing_notes(actions: Actions, prompt: Prompt, draws: int) -> tuple[str, ...]:
     """Notes on what the sentence asks for and the finished first action lacks."""
     found = []
-    if prompt.verb != "press" and moved_by(actions)[0] < HARDLY_MOVED:
+    opens = bool(actions.joint.diff(dim=1).any())  # perhaps by few millimetres, as its range says
+    if prompt.verb != "press" and not opens and moved_by(actions)[0] < HARDLY_MOVED:
         found.append("the object hardly moves; another seed may make it move")
     touching, moves = touching_hands(actions)[0], frames_of_motion(actions)
     alone = not bool(moves.any()) or prompt.verb in ("pass", *JOINTED)  # one hand may do most of it

@@ -227,6 +227,17 @@ def test_an_object_that_hardly_moves_is_told_unless_it_is_pressed(mug, monkeypat
     assert not any("hardly moves" in each for each in notes_of(0.02))
 
 
+def test_a_part_that_moves_through_a_small_range_is_not_said_to_rest(monkeypatch):
+    monkeypatch.setattr(module, "missing_notes", lambda actions, *_: kept.append(actions) or ())
+    kept = []
+    joint = HINGE.replace(":100", ":3")
+    made = generate("open the box with the right hand", box_with_lid(), PLAIN, joint=joint)
+    moved = replace(kept[0], joint=torch.linspace(0, 0.05, 20)[None])
+    for actions, told in ((moved, False), (replace(moved, joint=torch.zeros(1, 20)), True)):
+        notes = choosing.missing_notes(actions, made.prompt, 8)
+        assert any("hardly moves" in note for note in notes) is told
+
+
 def test_a_mesh_in_memory_will_do():
     mesh = from_trimesh(trimesh.creation.box((0.05, 0.06, 0.1)))
     assert generate("Lift the box.", mesh, PLAIN).sequence.frames == 20
