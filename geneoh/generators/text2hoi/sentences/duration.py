@@ -107,8 +107,10 @@ def without_amounts(sentence: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _is_length(match: re.Match[str]) -> bool:
-    """Whether a matched time is the length; in "a second cup" and "after two seconds" it is not."""
-    alone = match["number"].lower() in ("a", "an", "one") and match["unit"].lower() == "second"
+    """Whether a matched time is the length; in "a second cup", "lift a frame" and "after two
+    seconds" it is not."""
+    named = match["unit"].lower() in ("second", "frame", "minute")
+    alone = named and match["number"].lower() in ("a", "an", "one")
     before = match.string[: match.start()].rstrip()
     letter = match["unit"] in "sS" and not match["number"][0].isdecimal()
     return not (letter or (alone and not match["before"]) or _NO_LENGTH.search(before))

@@ -53,6 +53,8 @@ def test_a_length_is_taken_out_of_the_sentence(sentence, rest, frames):
     [
         "lift the second cup",
         "lift a second cup with one hand",
+        "lift a frame with the left hand",
+        "one frame is lifted",
         "lift the mug after two seconds",
         "turn it every second",
         "lift the two mugs",
