@@ -17,9 +17,11 @@ _BARE = re.compile(
 _AT_REST = "idle|resting|at rest|motionless|unused"
 _STILL = rf"(?:{_AT_REST}|still|away|free|down|empty|out(?: of (?:it|the way))?)"
 _NO_ACT = r"(?:move|help|act|touch)\b(?! (?:the|a|an|his|her|my|your) )"
+_NOTHING = rf"(?! (?:up|it|them|an?|this|that|(?:{_OWN}) (?!left|right))\b)"
+"""After a verb: no object, as in "the left hand hangs the coat", but perhaps another hand."""
 _RESTING = re.compile(
     rf"\b(?:(?:and|while|but|as|with) )?(?:(?:{_OWN}) )?(?P<side>left|right)(?: (?:hand|one))? "
-    rf"(?:rests|does nothing|hangs(?: down)?|{_AT_REST}|(?:is|stays|remains) {_STILL}"
+    rf"(?:rests|does nothing|hangs(?: down)?{_NOTHING}|{_AT_REST}|(?:is|stays|remains) {_STILL}"
     rf"|(?:isn't|is not) (?:used|needed|moving)|(?:does|should|must)(?:n't| not) {_NO_ACT})"
     r"\b(?! (?:on|in)\b)"
 )

@@ -228,6 +228,12 @@ def test_a_hand_that_is_ruled_out_leaves_the_other_one(sentence, hands, told):
     assert [note for note in prompt.notes if "choose the direction" not in note] == []
 
 
+@pytest.mark.parametrize("thing", ["the coat", "up my coat", "it up", "a picture"])
+def test_a_hand_that_hangs_something_does_not_rest(thing):
+    prompt = read_prompt(f"the left hand hangs {thing}")
+    assert (prompt.verb, prompt.hands) == ("put down", "left hand")
+
+
 @pytest.mark.parametrize(
     ("sentence", "found"),
     [
