@@ -32,7 +32,7 @@ EXAMPLE = '"pour from the kettle with the right hand"'
 JOINTED = ("open", "close")  # verbs whose training data have objects of two parts
 _SIDES = rf"{MY}(left|right)( hand)?"
 _BOTH = re.compile(
-    rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
+    rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b(?! over\b)"
     rf"|\bboth\b(?! \w+s\b)|\b(with|using|by|between) {MY}hands\b|\b(in)?to the other hand\b"
     rf"|\b(left)( hand)? and {MY}right\b|\b(right)( hand)? and {MY}left\b"
     rf"|\b(left) hand\b.*\b(and|while)\b.*\bright hand\b"

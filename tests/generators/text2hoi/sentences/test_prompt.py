@@ -14,6 +14,7 @@ from geneoh.generators.text2hoi.sentences.prompt import named_verbs, read_prompt
         ("use the left hand to slide the plate to the right", "slide", "left hand"),
         ("left-handed, put the cup down", "put down", "left hand"),
         ("hand over the phone from one hand to the other", "pass", "both hands"),
+        ("use the left hand to hand over the phone", "pass", "left hand"),
         ("Look at the can opener with the left hand and the right hand", "inspect", "both hands"),
         ("slide the book from the left to the right with the right hand", "slide", "right hand"),
         ("shake the bottle with two hands", "shake", "both hands"),
