@@ -143,7 +143,7 @@ class CaseScorer:
         """Read the case; the ground truth is measured when it is first needed."""
         self.case, self.options = case, options
         hand, self.fps = case.noisy.hands[0], case.noisy.fps
-        self.surface = (case.clean or case.noisy).object.surface()
+        self.surface = case.recording.object.surface()  # true poses: the input's may be noisy
         generator = seeded_generator("contact", case.clip.name)
         self.samples = contact_points(self.surface.fields, generator=generator)
         self.faces = self.model(hand).faces

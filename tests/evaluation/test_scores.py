@@ -7,7 +7,7 @@ import torch
 
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import CleanedHand, joints_of, unchanged
-from geneoh.evaluation.options import EvaluationOptions
+from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import MEASURES, CaseScorer, rounded
 from geneoh.pipeline.results import Denoised
@@ -55,6 +55,17 @@ def test_without_ground_truth_only_plausibility_is_measured(noisy_case):
     assert score.values["depth_mm"] > 0
     assert "mpjpe_mm" not in score.values
     assert score.error_by_frame_mm == []
+
+
+def test_noise_on_the_object_is_in_no_score_of_a_recording_without_ground_truth(clean_case):
+    """The hand and the true poses are the same, so its depth and slip are."""
+    depths = []
+    for noise in (None, "shaky_10"):
+        protocol = ProtocolOptions(object_noise=noise)
+        case = replace(clean_case, noise="recorded", protocol=protocol)
+        score = CaseScorer(case, OPTIONS).score("input", unchanged(case), 0.0)
+        depths.append([score.values[key] for key in ("depth_mm", "slip_mm_s", "volume_cm3")])
+    assert depths[0] == depths[1]
 
 
 def test_every_measure_is_taken(scorer, clean_case):
