@@ -149,7 +149,12 @@ def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
 
 
 def data_digest(data: Streamed[Interactions]) -> str:
-    """A fingerprint of interactions by the hand skeletons and the last position of each wrist."""
+    """A fingerprint of interactions by the hand skeletons, and by hand, object and one surface
+    point of each clip in its last frame."""
     shares = [data.weight] if isinstance(data, WeightedInteractions) else []
-    people = data.each(lambda clips: clips.offsets)
-    return digest([people, data.each(lambda clips: clips.wrist[:, -1]), *shares])
+
+    def at_the_end(clips: Interactions) -> Tensor:
+        last = clips.wrist, clips.pose, clips.translation, clips.rotation, clips.points
+        return torch.cat([values[:, -1].flatten(1) for values in last], dim=1)
+
+    return digest([data.each(lambda clips: clips.offsets), data.each(at_the_end), *shares])

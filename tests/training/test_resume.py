@@ -104,7 +104,8 @@ def test_a_digest_is_of_values_and_shapes(clips):
     assert digest([some]) == digest([some.clone()])
     assert len({digest([some]), digest([some.view(2, 3)]), digest([some + 1]), digest([])}) == 4
     (shard,) = clips.shards
-    for changed in ({"wrist": shard.wrist + 1e-3}, {"offsets": 1.01 * shard.offsets}):
+    fields = ("wrist", "offsets", "pose", "translation", "rotation", "points")
+    for changed in ({name: 1.01 * getattr(shard, name)} for name in fields):
         assert data_digest(Streamed.of([replace(shard, **changed)])) != data_digest(clips)
 
 
