@@ -25,18 +25,23 @@ def package_versions(*more: str) -> dict[str, Any]:
 
 
 def fingerprint(path: Path) -> str:
-    """Size and SHA-256 of a file, or of the names, sizes and times of several files.
-
-    For a folder these are all files below it. For a path that does not exist, they are all files
-    that begin with it, as clips of OakInk do. `InputError` where there are none.
-    """
-    inside = path.rglob("*") if path.is_dir() else path.parent.glob(f"{escape(path.name)}*")
-    files = [] if path.is_file() else sorted(each for each in inside if each.is_file())
+    """Size and SHA-256 of a file, or of the names, sizes and times of the files that `files_at` a
+    path finds. `InputError` where there are none."""
+    files = [] if path.is_file() else files_at(path)
     stats = [(str(each.relative_to(path.parent)), each.stat()) for each in files]
     data = repr([(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]).encode()
     if not files and not path.is_dir():
         data = read_bytes(path)
     return f"{len(data)} {sha256(data).hexdigest()}"
+
+
+def files_at(path: Path) -> list[Path]:
+    """The file itself; for a folder, all files below it. For a path that does not exist, all files
+    that begin with it, as clips of OakInk do."""
+    if path.is_file():
+        return [path]
+    inside = path.rglob("*") if path.is_dir() else path.parent.glob(f"{escape(path.name)}*")
+    return sorted(each for each in inside if each.is_file())
 
 
 def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:

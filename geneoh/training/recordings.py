@@ -18,7 +18,7 @@ from torch import Tensor
 
 from geneoh.config import Limited, Limits
 from geneoh.errors import GeneOHError, InputError
-from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
+from geneoh.files.fingerprints import are_as_recorded, by_path, files_at, records_of
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
@@ -269,12 +269,10 @@ def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]
     """The files on which the hands of a clip may depend: those of the clip except pictures, named
     by their path below its folder, and the user's MANO files."""
     models = [] if options.mano_dir is None else mano_files(options.mano_dir)
-    named = [(file.name, file) for file in models]
-    if clip.path.is_file():
-        return [(clip.path.name, clip.path), *named]
-    files = (file for file in sorted(clip.path.rglob("*")) if file.is_file())
-    kept = (file for file in files if file.suffix.lower() not in PICTURES)
-    return [*((file.relative_to(clip.path).as_posix(), file) for file in kept), *named]
+    base = clip.path if clip.path.is_dir() else clip.path.parent
+    files = ((file.relative_to(base).as_posix(), file) for file in files_at(clip.path))
+    kept = ((name, file) for name, file in files if file.suffix.lower() not in PICTURES)
+    return [*kept, *((file.name, file) for file in models)]
 
 
 def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> bool:

@@ -259,6 +259,18 @@ def test_a_shard_is_made_again_where_another_file_was_moved_to_its_place(example
     assert not read_shard(shard).wrist.equal(before)
 
 
+def test_a_shard_is_made_again_where_a_clip_of_a_file_for_each_frame_has_changed(tmp_path):
+    case = case_of("oakink")
+    case.build(tmp_path / "data", scene(case.left, 9), False)
+    start = tmp_path / "data" / case.start
+    (shard,) = cut("oakink", start, tmp_path / "out")
+    before = read_shard(shard).wrist
+    for file in start.rglob("general_info/*__8__0.pkl"):
+        file.unlink()
+    (shard,) = cut("oakink", start, tmp_path / "out")
+    assert not read_shard(shard).wrist.equal(before)
+
+
 def test_what_cannot_be_read_is_told_and_the_rest_is_used(example, tmp_path):
     (example / "broken.npz").write_bytes(b"no archive")
     shards, problems = make_shards("sequences", example, tmp_path / "out", SHORT, ReaderOptions())
