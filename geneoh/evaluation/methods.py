@@ -277,7 +277,7 @@ def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Meth
             weights = networks.baseline_weights(name, cleaner.weights).parent
             yield Method(TITLES[name], partial(predicted_hand, baseline=name, weights=weights))
         case "one-call":
-            alone = replace(cleaner, samples=1, without=ALL_BUT_MOTION)
+            alone = replace(cleaner, preset="default", samples=1, without=ALL_BUT_MOTION)
             yield Method("MotionDiff in one call", partial(denoised_hand, options=alone))
         case "geneoh":
             for preset in options.presets:

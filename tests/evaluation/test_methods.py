@@ -279,6 +279,15 @@ def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):
     assert error(method.clean(noisy_case), noisy_case) < error(unchanged(noisy_case), noisy_case)
 
 
+def test_motion_diff_in_one_call_is_the_same_beside_every_preset():
+    """Its name has no preset, and the settings that identify a run have none either."""
+    asked = replace(ALL, methods=("one-call",))
+    others = replace(asked, presets=("paper",), cleaner=Options(preset="paper"))
+    (method,), (other,) = methods_of(asked)[0], methods_of(others)[0]
+    assert other.name == method.name
+    assert other.clean.keywords == method.clean.keywords
+
+
 def test_recorded_noise_is_scored_without_methods_that_are_told_the_truth():
     methods, notes = methods_of(EvaluationOptions("hoi4d"))
     assert not [method.name for method in methods if "told the truth" in method.name]
