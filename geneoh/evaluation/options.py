@@ -10,6 +10,7 @@ from typing import Literal
 from geneoh import choices
 from geneoh.config import Limited, check_fields
 from geneoh.errors import ConfigError
+from geneoh.hand.mano import mano_folder
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 
@@ -69,6 +70,11 @@ class ProtocolOptions(Limited):
     environment variable GENEOH_MANO_DIR."""
     objects: Path | None = None
     """Folder of the object meshes, if they are not where the data set puts them."""
+
+    def __post_init__(self) -> None:
+        """Also find the folder of MANO, which is one of the settings of a run."""
+        super().__post_init__()
+        object.__setattr__(self, "mano_dir", mano_folder(self.mano_dir))
 
     @property
     def reader_options(self) -> ReaderOptions:

@@ -232,7 +232,7 @@ def test_a_preset_or_a_seed_of_the_cleaner_that_is_not_scored_is_refused(given):
         replace(SMALL, cleaner=Options(**given))
 
 
-def test_settings_change_with_all_that_changes_scores(tmp_path):
+def test_settings_change_with_all_that_changes_scores(tmp_path, monkeypatch):
     first = settings_of(SMALL)
     assert settings_of(replace(SMALL, limit=5, methods=())) == first
     scored = {"presets": ("fast",), "seeds": (3,), "cleaner": Options(preset="fast", seed=3)}
@@ -252,6 +252,8 @@ def test_settings_change_with_all_that_changes_scores(tmp_path):
         replace(SMALL, dataset="grab", noises=(), root=tmp_path),
     ):
         assert settings_of(other) != first
+    monkeypatch.setenv("GENEOH_MANO_DIR", str(tmp_path))
+    assert settings_of(replace(SMALL, protocol=ProtocolOptions(frames=6))) != first
 
 
 def test_an_evaluation_goes_on_and_says_so(tmp_path):
