@@ -42,9 +42,8 @@ def bars(blocks: Sequence[TableBlock], key: str) -> str:
             if cell is None:
                 continue
             axes.barh(place, cell.mean, color=colour(method, methods), height=0.8)
-            half = cell.deviation if cell.high is None else cell.high - cell.mean
-            if half is not None:
-                axes.plot([cell.mean - half, cell.mean + half], [place] * 2, color="black", lw=1)
+            if (ends := cell.ends) is not None:
+                axes.plot(ends, [place] * 2, color="black", lw=1)
             ticks.append(place)
             names.append(f"{block.noise}: {method}")
             place += 1

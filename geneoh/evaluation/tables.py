@@ -30,6 +30,15 @@ class Cell:
     count: int
     """Number of cases with a value."""
 
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """Ends of an error bar: the interval, whose middle differs from the mean where seeds have
+        unequal numbers of values, or else the deviation; None without either."""
+        if self.low is not None and self.high is not None:
+            return self.low, self.high
+        spread = self.deviation
+        return None if spread is None else (self.mean - spread, self.mean + spread)
+
     def shown(self, measure: Measure) -> str:
         """Mean ± deviation over seeds (if there is one), rounded to the measure's digits."""
         mean = f"{self.mean:.{measure.digits}f}"

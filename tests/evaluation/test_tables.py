@@ -43,6 +43,17 @@ def test_one_seed_has_no_spread_and_one_value_no_interval():
     assert cell_of(TWO_BY_TWO, "depth_mm") is None
 
 
+def test_an_error_bar_is_the_interval_also_where_a_seed_lacks_a_value():
+    clips = [(f"{place}", float(place)) for place in range(FEWEST_RECORDINGS)]
+    scores = [score("a", value, clip) for clip, value in clips]
+    scores += [score("a", 100.0 + value, clip, 22) for clip, value in clips[:2]]
+    cell = cell_of(scores, "mpjpe_mm")
+    assert cell.ends == (cell.low, cell.high)
+    assert sum(cell.ends) / 2 == pytest.approx(sum(each.values["mpjpe_mm"] for each in scores) / 10)
+    assert cell_of(TWO_BY_TWO, "mpjpe_mm").ends == pytest.approx((3 - 2**0.5, 3 + 2**0.5))
+    assert cell_of(TWO_BY_TWO[:1], "mpjpe_mm").ends is None
+
+
 def test_the_interval_holds_the_true_mean_as_often_as_it_says():
     """Eight recordings of unequal numbers of windows, which differ more than their windows do."""
     drawn, held = random.Random(0), 0
