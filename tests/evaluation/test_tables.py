@@ -15,6 +15,8 @@ from geneoh.evaluation.tables import (
     seed_agreement,
 )
 
+OF_TACO = ("tool_right", "target_left")  # what the clips of both hands of a recording are named by
+
 
 def score(method, value, clip="a", seed=11, noise="gauss", failed="", key="mpjpe_mm"):
     values = {} if value is None else {key: value}
@@ -72,6 +74,8 @@ def test_windows_and_hands_of_a_recording_count_once():
         score("a", float(place), clip) for place, clip in enumerate(names * FEWEST_RECORDINGS)
     ]
     assert cell_of(windows, "mpjpe_mm").low is None
+    hands = [f"stir/{place}_{held}_00000" for place in "1234567" for held in OF_TACO]
+    assert cell_of([score("a", 1.0, name) for name in hands], "mpjpe_mm").low is None
     made = [score("a", float(place), f"mug_0000{place}") for place in range(FEWEST_RECORDINGS)]
     assert cell_of(made, "mpjpe_mm").low == pytest.approx(3.5 - 2.365 * 6**0.5 / 8**0.5, abs=1e-3)
 

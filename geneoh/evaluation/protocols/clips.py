@@ -25,8 +25,9 @@ OBSERVED_SHARE = 0.5  # smallest share of a clip's frames in which its hand must
 FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
 """Frame rate in which a protocol counts its frames; faster recordings are subsampled to it."""
 
-CUT = re.compile(r"(_\d{5})?_(left|right)_\d{5}$")
-"""What `excerpts` and readers add to the name of a recording's file: first frames, and the side."""
+CUT = re.compile(r"(_(tool|target))?(_\d{5})?_(left|right)_\d{5}$")
+"""What `excerpts` and readers add to the name of a recording's file: the object's role in TACO,
+first frames, and the side."""
 
 
 @dataclass(frozen=True)
