@@ -46,8 +46,8 @@ class ProtocolOptions(Limited):
     """
 
     windows: Literal["all", "first", "whole"] = "all"
-    """Windows of `frames` every `stride` frames (paper); only the first window of each recording
-    (released code); or whole recordings, as a user cleans them."""
+    """Windows of `frames` every `stride` frames (paper); only the first window of each stretch of
+    usable frames (released code); or whole stretches, as a user cleans them."""
     frames: int = 60
     """Length of a window, and the shortest usable stretch, in frames of the protocol."""
     stride: int = 30
