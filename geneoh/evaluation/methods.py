@@ -30,6 +30,7 @@ from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
+from geneoh.nn.weights import refuse_none_of
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.inputs import checked_interaction
 from geneoh.pipeline.options import NEEDED_TO_REFINE, Options
@@ -50,6 +51,7 @@ TITLES = {
 """Names of filters and baselines in the tables."""
 ALL_BUT_MOTION: tuple[Ablation, ...] = ("diffusion", "spatial", "temporal", "fit")
 TOLD_THE_TRUTH: tuple[MethodName, ...] = ("best-filter", "best-offset")
+OURS: frozenset[MethodName] = frozenset({"one-call", "geneoh"})
 DOMAINS: tuple[filters.Domain, ...] = ("keypoints", "parameters")
 
 
@@ -222,10 +224,16 @@ def joints_of(sequence: Sequence) -> Float[Tensor, "T 21 3"]:
 
 
 def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[str, ...]]:
-    """The methods in the order of the table, and notes on default methods that are left out."""
+    """The methods in the order of the table, and notes on default methods that are left out.
+
+    `CheckpointError` if only baselines are to have the weights of a folder that has none of them.
+    """
     methods: list[Method] = []
     notes: list[str] = []
     noises = options.noises or options.defaults.noises
+    baselines = [name for name in options.methods if name in networks.BASELINES]
+    if baselines and OURS.isdisjoint(options.methods):  # which need their own weights there
+        refuse_none_of(baselines, options.cleaner.weights)
     for name in options.methods or METHODS:
         if name in ON_REQUEST and not options.methods:
             continue

@@ -11,7 +11,7 @@ import trees
 
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.baselines.networks import SHIPPED, baseline_weights
-from geneoh.errors import ConfigError, InputError, MissingAssetError
+from geneoh.errors import CheckpointError, ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
     CleanedHand,
@@ -348,6 +348,15 @@ def test_baselines_come_from_the_users_folder_where_they_are_there(tmp_path):
     assert baseline_weights("toch", tmp_path) == SHIPPED / "toch.safetensors"
     (tmp_path / "toch.safetensors").touch()
     assert baseline_weights("toch", tmp_path) == tmp_path / "toch.safetensors"
+
+
+def test_a_folder_without_the_weights_of_any_baseline_asked_for_is_refused(tmp_path):
+    options = replace(ALL, methods=("toch", "input"), cleaner=Options(weights=tmp_path))
+    with pytest.raises(CheckpointError, match="expected weights of toch"):
+        methods_of(options)
+    assert len(methods_of(replace(options, methods=("toch", "geneoh")))[0]) == 2
+    (tmp_path / "toch.safetensors").touch()
+    assert len(methods_of(options)[0]) == 2
 
 
 def test_options_reach_every_method_of_ours():
