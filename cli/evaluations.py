@@ -129,7 +129,8 @@ def refuse_ignored(chosen: dict[str, Any], inputs: Path | None) -> None:
     if inputs is not None:
         options.refuse(OF_SCORES, "has no meaning with --inputs, which scores nothing")
     if chosen["methods"] and "geneoh" not in chosen["methods"]:
-        options.refuse(OF_GENEOH, "needs --method geneoh too")
+        used = {"device"} if "one-call" in chosen["methods"] else set[str]()
+        options.refuse({*OF_GENEOH} - used, "needs --method geneoh too")
     if chosen["methods"] and LEARNED.isdisjoint(chosen["methods"]):
         options.refuse(["weights"], "needs a --method that has weights")
     if chosen["dataset"] == "synthetic":

@@ -101,7 +101,8 @@ def test_the_device_that_is_named_is_that_of_the_cleaner(geneoh, monkeypatch):
 
     monkeypatch.setattr(runner, "evaluate", pretended)
     geneoh("eval", *SMALL, "--device", "cpu:0", code=2)
-    assert asked == ["cpu:0"]
+    geneoh("eval", *SMALL, "--method", "one-call", "--device", "cpu:0", code=2)
+    assert asked == ["cpu:0", "cpu:0"]
     done = geneoh("eval", *SMALL, "--device", "nothing", code=2)
     assert "--device nothing: expected a device of this machine" in done.stderr
 
