@@ -122,7 +122,7 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
     if options.noisy_inputs is not None:
         check_folder(options.noisy_inputs, "--twins")
     noises = options.noises or options.defaults.noises
-    refuse_idle_settings(noises, options.protocol)
+    refuse_idle_settings(noises, options.protocol, stored=options.noisy_inputs is not None)
     for noise in noises:
         check_noise(options.dataset, noise, options.protocol)
     clips = spread_over_groups(by_file, options.limit)

@@ -196,6 +196,14 @@ def test_a_stored_input_that_is_not_there_is_told(tmp_path):
         _ = case.noisy
 
 
+def test_noise_that_stored_inputs_are_not_given_is_refused(tmp_path):
+    protocol = ProtocolOptions(object_noise="shaky_10")
+    options = EvaluationOptions("synthetic", limit=1, noisy_inputs=tmp_path, protocol=protocol)
+    with pytest.raises(ConfigError, match="--set object_noise: expected none with --twins"):
+        cases.find_cases(options)
+    assert len(cases.find_cases(replace(options, noisy_inputs=None))) == 2
+
+
 def test_windows_are_the_papers():
     assert list(windows_in_run(150, ProtocolOptions())) == [(0, 60), (30, 90), (60, 120), (90, 150)]
     assert list(windows_in_run(149, ProtocolOptions())) == [(0, 60), (30, 90), (60, 120)]

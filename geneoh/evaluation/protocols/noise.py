@@ -66,15 +66,19 @@ def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) ->
         )
 
 
-def refuse_idle_settings(noises: Iterable[CaseNoise], options: ProtocolOptions) -> None:
-    """Refuse settings of the noise "paper" where it is not drawn: they would be ignored."""
-    plain = ProtocolOptions()
-    for name in ("noise_sizes", "finger_noise") if "paper" not in noises else ():
+def refuse_idle_settings(
+    noises: Iterable[CaseNoise], options: ProtocolOptions, *, stored: bool = False
+) -> None:
+    """Refuse settings of noise that is not drawn: they would be ignored. With `stored`, none is."""
+    plain, names = ProtocolOptions(), ("noise_sizes", "finger_noise")
+    why = "without --noise paper, which alone depends on it"
+    if stored:
+        names, why = (*names, "object_noise"), "with --twins, whose clips have their noise"
+    elif "paper" in noises:
+        return
+    for name in names:
         if (value := getattr(options, name)) != getattr(plain, name):
-            raise ConfigError(
-                f"--set {name}: expected none without --noise paper, which alone depends on it, "
-                f"got {value}; leave it out"
-            )
+            raise ConfigError(f"--set {name}: expected none {why}, got {value}; leave it out")
 
 
 def noisy_input(
