@@ -39,8 +39,10 @@ class GestureConfig(ShardConfig):
     body: BodyConfig = field(default_factory=BodyConfig)
 
     def __post_init__(self) -> None:
-        """Also refuse to hold out no or all variants, and no or all bodies."""
+        """Also refuse to hold out no or all variants, and no or all bodies, and shares beyond 0 to
+        1."""
         super().__post_init__()
+        check_limits(self, {"handling": (0, 1)})
         check_limits(self, {"held_out": (1, VARIANTS - 1), "held_out_bodies": (1, BODIES - 1)})
 
     def families_of(self, index: int, scans: Any = None) -> list[str]:
@@ -75,7 +77,9 @@ def synthesize_gestures(
         return [bodies[i] for i in torch.randint(len(bodies), (count,), generator=generator)]
 
     drawn = people(config.shard - held)
-    parts = [gesturing(known, drawn, config.frames, config.body, generator=generator)]
+    parts = []
+    if drawn:
+        parts.append(gesturing(known, drawn, config.frames, config.body, generator=generator))
     while scans is not None and (missing := config.shard - sum(len(p.body) for p in parts)) > 0:
         actions, names = scans.drawn(split, 2 * missing, generator=generator)
         drawn = people(len(actions.verb))

@@ -70,6 +70,18 @@ def test_some_bodies_do_what_the_hands_of_actions_do(tmp_path):
     )
 
 
+def test_all_bodies_may_hold_objects(tmp_path):
+    write_actions(tmp_path / "actions")
+    source, config = ActionSource.of(tmp_path / "actions"), replace(TINY, handling=1.0)
+    how = {"seed": 0, "synthesize": synthesize_gestures, "scans": source}
+    write_shards(tmp_path / "bodies", config, **how)
+    clips = read_gestures(tmp_path / "bodies", "train")
+    assert len(clips.body) == 4
+    assert (clips.gesture >= NAMES.index("lift")).any(1).all()
+    with pytest.raises(ConfigError, match=r"'handling' must be 0 to 1, got 1\.5"):
+        replace(TINY, handling=1.5)
+
+
 def test_all_variants_cannot_be_held_out():
     with pytest.raises(ConfigError, match="'held_out' must be 1 to 9, got 10"):
         replace(DEFAULTS, held_out=10)
