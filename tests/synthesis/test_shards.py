@@ -268,6 +268,11 @@ def test_settings_that_are_not_known_are_told_as_those_of_another_version(tmp_pa
         shard_record(path)
 
 
+def test_no_more_second_hands_than_first_ones_can_be_asked_for():
+    with pytest.raises(ConfigError, match=r"'share' must be 0 to 1, got 1\.5"):
+        BimanualConfig(share=1.5)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

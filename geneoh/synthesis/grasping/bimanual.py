@@ -6,13 +6,14 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.config import Limited
 from geneoh.geometry.mirror import mirror_points
 from geneoh.synthesis.grasping.grasps import Grasps
 from geneoh.synthesis.shapes.solids import Solids
 
 
 @dataclass(frozen=True)
-class BimanualConfig:
+class BimanualConfig(Limited):
     """How many second hands there are, and how they differ from the first."""
 
     share: float = 0.2
