@@ -3,6 +3,7 @@
 A method uses only the noisy clip; those that also use the ground truth are marked in their name.
 """
 
+import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,8 +32,7 @@ from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.nn.weights import refuse_none_of
-from geneoh.pipeline.denoise import clean_interaction
-from geneoh.pipeline.inputs import checked_interaction
+from geneoh.pipeline.denoise import cleaned
 from geneoh.pipeline.options import NEEDED_TO_REFINE, Options
 from geneoh.pipeline.results import Denoised
 from geneoh.pipeline.stages.context import stage_context
@@ -40,6 +40,8 @@ from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import HandTrack, Sequence
+
+LOG = logging.getLogger(__name__)
 
 TITLES = {
     "savgol": "Savitzky-Golay",
@@ -181,8 +183,7 @@ def predicted_joints(
 
 def denoised_hand(case: Case, options: Options) -> CleanedHand:
     """The track cleaned by geneoh with the seed of the case, and the mesh of the result."""
-    noisy = checked_interaction(case.noisy)
-    result = clean_interaction(noisy, replace(options, seed=case.seed))
+    result = cleaned(case.noisy, replace(options, seed=case.seed), tell=LOG.debug)
     hand = result.sequence.hands[0]
     assert hand.pose is not None, "results carry a pose"
     assert hand.wrist is not None, "results carry a wrist"

@@ -1,7 +1,7 @@
 """The whole cleaning pipeline, from a noisy interaction to a clean one."""
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -92,41 +92,51 @@ def denoise(
     options = with_settings(options, settings)
     named_device(options.device)
     with undisturbed():
-        taken = as_sequence(sequence, obj)
-        sequence = checked_interaction(taken)
-        folder = mano_folder(options.mano_dir)
-        hands = tuple(with_keypoints(hand, folder) for hand in sequence.hands)
-        sequence = replace(sequence, hands=hands)
-        if taken.object.meshes and taken.object.is_seen:
-            sequence = with_hands_earlier(sequence, options.hand_delay)
-        given, camera = sequence, steady_camera(sequence)
-        repeated: tuple[str, ...] = ()
-        if camera is not None:
-            sequence, repeated = brought_to_world(given, camera, options)
-        name = sequence.source.partition(" (")[0] or "the sequence"
-        sequence, exchange = without_exchange(sequence)
-        sequence, followed = without_following(sequence)
-        sequence, lost = without_faults(sequence)
-        shots = [slice(0, sequence.frames)]
-        if isinstance(options.resolved().fit, FitConfig):  # the paper's finds one shape for all
-            shots = common_shots(sequence)
-        notes = (*left_out(taken), *exchange, *followed, *lost)
-        notes = (*notes, *told_of(sequence, shots))
-        doubtful = (*notes, *doubts(sequence, name))
-        for words in doubtful:
-            LOG.warning("%s: %s", name, words)
-        if len(shots) < 2:
-            result = clean_interaction(sequence, options, on_progress)
-        else:
-            alike = with_one_shape(sequence, options)
-            each = (shot_of(alike, shot) for shot in shots)
-            parts = [clean_interaction(shot, options, on_progress) for shot in each]
-            result = joined_shots(parts, shots)
-        if camera is not None:
-            result = result.seen_from(camera, given)
-            notes = told_of_camera((*repeated, *result.notes), camera, sequence.fps)
-            result = replace(result, notes=notes)
-        return replace(result, doubts=doubtful)
+        return cleaned(as_sequence(sequence, obj), options, on_progress)
+
+
+def cleaned(
+    taken: Sequence,
+    options: Options,
+    on_progress: OnProgress | None = None,
+    *,
+    tell: Callable[..., None] = LOG.warning,
+) -> Denoised:
+    """Clean a sequence as `denoise` does, which describes the arguments; `tell` logs the doubts."""
+    sequence = checked_interaction(taken)
+    folder = mano_folder(options.mano_dir)
+    hands = tuple(with_keypoints(hand, folder) for hand in sequence.hands)
+    sequence = replace(sequence, hands=hands)
+    if taken.object.meshes and taken.object.is_seen:
+        sequence = with_hands_earlier(sequence, options.hand_delay)
+    given, camera = sequence, steady_camera(sequence)
+    repeated: tuple[str, ...] = ()
+    if camera is not None:
+        sequence, repeated = brought_to_world(given, camera, options)
+    name = sequence.source.partition(" (")[0] or "the sequence"
+    sequence, exchange = without_exchange(sequence)
+    sequence, followed = without_following(sequence)
+    sequence, lost = without_faults(sequence)
+    shots = [slice(0, sequence.frames)]
+    if isinstance(options.resolved().fit, FitConfig):  # the paper's finds one shape for all
+        shots = common_shots(sequence)
+    notes = (*left_out(taken), *exchange, *followed, *lost)
+    notes = (*notes, *told_of(sequence, shots))
+    doubtful = (*notes, *doubts(sequence, name))
+    for words in doubtful:
+        tell("%s: %s", name, words)
+    if len(shots) < 2:
+        result = clean_interaction(sequence, options, on_progress)
+    else:
+        alike = with_one_shape(sequence, options)
+        each = (shot_of(alike, shot) for shot in shots)
+        parts = [clean_interaction(shot, options, on_progress) for shot in each]
+        result = joined_shots(parts, shots)
+    if camera is not None:
+        result = result.seen_from(camera, given)
+        notes = told_of_camera((*repeated, *result.notes), camera, sequence.fps)
+        result = replace(result, notes=notes)
+    return replace(result, doubts=doubtful)
 
 
 def with_one_shape(sequence: Sequence, options: Options) -> Sequence:

@@ -33,6 +33,7 @@ from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import CaseScorer
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
+from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz.files import save_sequence
 from geneoh.training.config import TrainConfig
@@ -161,6 +162,13 @@ def test_geneoh_cleans_by_its_options_and_the_seed_of_the_case(noisy_case):
     assert not torch.equal(other.joints, cleaned.joints)
     assert cleaned.verts.shape == (10, 778, 3)
     assert set(cleaned.result.hands) == {"left"}
+
+
+def test_geneoh_cleans_as_the_command_does(noisy_case):
+    options = Options(preset="fast", hand_delay=2.0)
+    found = denoised_hand(noisy_case, options)
+    whole = denoise(noisy_case.noisy, replace(options, seed=noisy_case.seed))
+    assert found.joints.equal(whole.sequence.hands[0].joints)
 
 
 def test_geneoh_is_called_by_preset_and_by_what_it_lacks():
