@@ -131,7 +131,7 @@ def _best_axes(
     The object hides nothing, as in the pictures. The deepest frames of the first version count.
     """
     before = scene.versions[0]
-    deepest = before.measures.depth.nan_to_num()
+    deepest = before.measures.depth.nan_to_num().where(before.measures.valid, -1)
     frames = deepest.topk(min(JUDGED_FRAMES, len(deepest))).indices.tolist()
     drawn = {frame: before.drawn(frame, "penetration") for frame in frames}
 
@@ -225,12 +225,13 @@ def _middles_of_all(
 
 
 def _whole(seen: Iterable[Seen], targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
-    """Radius with which a camera sees all vertices in nearly all frames, metres."""
+    """Radius with which a camera sees all vertices in nearly all frames that have any, metres."""
     half, middle = FIELD_OF_VIEW / 2, torch.from_numpy(targets).float()[:, None]
-    radius = torch.zeros(len(targets))
+    radius, has_any = torch.zeros(len(targets)), torch.zeros(len(targets), dtype=torch.bool)
     for verts, there in seen:
+        has_any |= there
         aside = (verts - middle) @ torch.from_numpy(axes).float().T
         # perspective: a point that is nearer to the eye by `aside[2]` needs a larger radius
         needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
         radius = torch.maximum(radius, needed.amax(-1).where(there, radius))
-    return float(radius.quantile(WHOLE_FRAMES))
+    return float(radius[has_any].quantile(WHOLE_FRAMES))

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from geneoh.errors import InputError
-from geneoh.sequence.sequence import ObjectTrack
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import (
     CAPTION_HEIGHT,
@@ -17,6 +17,7 @@ from geneoh.viz.canvas import (
     filmstrip,
 )
 from geneoh.viz.look import Look
+from geneoh.viz.scene import make_scene
 
 UP = Look().upward
 
@@ -121,6 +122,17 @@ def test_the_camera_leaps_at_a_cut_as_the_hand_does(scene):
     steps = np.linalg.norm(np.diff(path, axis=0), axis=-1)
     assert steps[cut - 1] > 8
     assert np.delete(steps, cut - 1).max() < 0.1
+
+
+def test_a_hand_that_is_rarely_there_is_seen_as_one_that_always_is(track):
+    long = track[torch.zeros(200, dtype=torch.long)]
+    rare = replace(long, valid=torch.arange(200) == 70)
+    seen = []
+    for hand in (long, rare):
+        alone = Sequence((hand,), ObjectTrack.resting((), 200), 30.0, "alone")
+        seen.append(cameras(make_scene({"alone": alone}), UP)[70])
+    np.testing.assert_allclose(seen[1].axes, seen[0].axes)
+    assert seen[1].radius == pytest.approx(seen[0].radius, rel=1e-4)
 
 
 @pytest.mark.parametrize(
