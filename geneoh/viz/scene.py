@@ -216,7 +216,8 @@ def make_scene(
     never seen. A hand model is fitted to a hand that has only keypoints. Betas of MANO get MANO's
     mesh where the user has its files, else the embedded hand fitted to the same bones.
 
-    `sequences` maps titles to versions, before and after; `samples` may have any frame rate.
+    `sequences` maps titles to versions, before and after; `samples` may have any frame rate, and
+    those of a side that is not shown are left out.
     """
     sequences = {name: without_unseen(sequence) for name, sequence in sequences.items()}
     last_title, last = next(reversed(sequences.items()))
@@ -231,7 +232,8 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
-    samples = samples or {}
+    shown = {hand.side for hand in last.hands}
+    samples = {side: drawn for side, drawn in (samples or {}).items() if side in shown}
     if (camera := steady_camera(last)) is not None:
         sequences = {name: in_world(sequence, camera) for name, sequence in sequences.items()}
         last = sequences[last_title]

@@ -135,6 +135,13 @@ def test_an_object_of_which_no_part_was_seen_is_as_none(scene, track, tmp_path):
         refuse_colouring(shown, "contact")
 
 
+def test_samples_of_a_hand_that_is_not_shown_are_left_out(scene, track):
+    drawn = torch.zeros(2, len(track.pose), 21, 3)
+    alone = replace_hands(scene, track)
+    found = make_scene({"clip": alone}, samples={"left": drawn, "right": drawn})
+    assert list(found.samples) == ["right"]
+
+
 def test_means_are_over_the_frames_that_the_input_has(scene):
     version = scene.versions[0]
     filled = torch.tensor([0, 0, 0, 0, 0, 1]).bool()
