@@ -3,6 +3,7 @@
 Needs viser, which the extra `view` brings.
 """
 
+import threading
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -97,6 +98,8 @@ class Gallery:
         self._items = items
         self._order = sorted_by(items, SORT_MEASURES[0])
         self._moving: list[tuple[Any, dict[str, Any]]] = []
+        # viser calls from threads of its own, while `run` plays in that of the caller
+        self._lock = threading.RLock()
         self._server: Any = viser.ViserServer(host=ADDRESS, port=port, verbose=False)
         self._server.scene.set_up_direction(tuple(up))
         gui = self._server.gui
@@ -148,19 +151,20 @@ class Gallery:
 
     def _show(self) -> None:
         """Put the chosen result on the screen."""
-        item = self.shown
-        self._scene = item.open()
-        self._words.content = "\n".join(
-            f"- {name.replace('_', ' ')}: **{in_words(value, 2)}**"
-            for name, value in item.measures.items()
-        )
-        self._server.scene.reset()
-        self._moving = []
-        for index, version in enumerate(self._scene.versions):
-            self._add_version(index, version)
-        self._frame.max = max(1, self._scene.frames - 1)
-        self._frame.value = 0
-        self._pose()
+        with self._lock:
+            item = self.shown
+            self._scene = item.open()
+            self._words.content = "\n".join(
+                f"- {name.replace('_', ' ')}: **{in_words(value, 2)}**"
+                for name, value in item.measures.items()
+            )
+            self._server.scene.reset()
+            self._moving = []
+            for index, version in enumerate(self._scene.versions):
+                self._add_version(index, version)
+            self._frame.max = max(1, self._scene.frames - 1)
+            self._frame.value = 0
+            self._pose()
 
     def _add_version(self, index: int, version: Version) -> None:
         """Add the meshes of one version, each with its properties by frame."""
@@ -180,7 +184,8 @@ class Gallery:
 
     def _pose(self) -> None:
         """Move everything to the slider's frame."""
-        frame = min(self._frame.value, self._scene.frames - 1)
-        for node, properties in self._moving:
-            for name, values in properties.items():
-                setattr(node, name, values[frame])
+        with self._lock:
+            frame = min(self._frame.value, self._scene.frames - 1)
+            for node, properties in self._moving:
+                for name, values in properties.items():
+                    setattr(node, name, values[frame])

@@ -1,5 +1,6 @@
 import socket
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -113,6 +114,23 @@ def test_the_gallery_shows_sorts_and_steps(scene):
             gallery._sort.value = "penetration_max_mm"
             gallery._resort()
             assert gallery.shown.name == "a"
+        finally:
+            gallery.stop()
+
+
+def test_results_can_be_changed_while_one_is_played(scene):
+    """viser's threads remove the shapes that the caller's thread moves."""
+    pytest.importorskip("viser", reason="the extra `view` is not installed")
+    clips = [GalleryItem(name, lambda: scene, dict.fromkeys(SORT_MEASURES, 1.0)) for name in "ab"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        gallery = Gallery(clips, up=Look().upward, port=free_port())
+        try:
+            with ThreadPoolExecutor(1) as other:
+                changes = other.submit(lambda: [gallery._step(1) for _ in range(30)])
+                while not changes.done():
+                    gallery._pose()
+            changes.result()
         finally:
             gallery.stop()
 
