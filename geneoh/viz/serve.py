@@ -19,6 +19,7 @@ from geneoh.progress import OnStep, steps
 from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.recordings import with_distinct_names
+from geneoh.viz.camera import cameras
 from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
@@ -102,6 +103,7 @@ class Gallery:
         self._lock = threading.RLock()
         self._server: Any = viser.ViserServer(host=ADDRESS, port=port, verbose=False)
         self._server.scene.set_up_direction(tuple(up))
+        self._up = up
         gui = self._server.gui
         self._sort = gui.add_dropdown("Sort by", SORT_MEASURES)
         self._list = gui.add_dropdown("Result", [self._label(item) for item in self._order])
@@ -114,6 +116,7 @@ class Gallery:
         self._frame.on_update(lambda _: self._pose())
         buttons.on_click(lambda event: self._step(1 if event.target.value == "next" else -1))
         self._show()
+        self._server.on_client_connect(self._look)
 
     @property
     def address(self) -> str:
@@ -158,6 +161,7 @@ class Gallery:
                 f"- {name.replace('_', ' ')}: **{in_words(value, 2)}**"
                 for name, value in item.measures.items()
             )
+            self._camera = cameras(self._scene, self._up)[0]
             self._server.scene.reset()
             self._moving = []
             for index, version in enumerate(self._scene.versions):
@@ -165,11 +169,21 @@ class Gallery:
             self._frame.max = max(1, self._scene.frames - 1)
             self._frame.value = 0
             self._pose()
+            for client in self._server.get_clients().values():
+                self._look(client)
+
+    def _look(self, client: Any) -> None:
+        """Let a browser see all versions, wherever they are in the world."""
+        right, _, back = self._camera.axes
+        half = VERSION_SPACING * (len(self._scene.versions) - 1) / 2
+        middle = self._camera.target + half * right
+        far = (self._camera.radius + half) / np.sin(client.camera.fov / 2)
+        client.camera.position, client.camera.look_at = middle + far * back, middle
 
     def _add_version(self, index: int, version: Version) -> None:
         """Add the meshes of one version, each with its properties by frame."""
         scene, shapes, root = self._scene, self._server.scene, f"/version{index}"
-        aside = np.array([VERSION_SPACING * index, 0.0, 0.0])
+        aside = VERSION_SPACING * index * self._camera.axes[0]
         shapes.add_frame(root, show_axes=False, position=aside)
         for part, mesh in enumerate(scene.object.meshes):
             shape = (f"{root}/object{part}", mesh.verts.numpy(), mesh.faces.numpy())

@@ -1,8 +1,12 @@
 import socket
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import torch
 
 from geneoh.errors import InputError
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -10,6 +14,7 @@ from geneoh.viz.look import Look
 from geneoh.viz.scene import make_scene
 from geneoh.viz.serve import (
     SORT_MEASURES,
+    VERSION_SPACING,
     Gallery,
     GalleryItem,
     gallery_items,
@@ -133,6 +138,24 @@ def test_results_can_be_changed_while_one_is_played(scene):
             changes.result()
         finally:
             gallery.stop()
+
+
+def test_a_browser_looks_at_the_hands_wherever_they_are(track):
+    """A browser looks at the world's origin by itself, from five metres."""
+    pytest.importorskip("viser", reason="the extra `view` is not installed")
+    away = replace(track, wrist=track.wrist + torch.tensor([90.0, 0.0, 0.0]))
+    hands = Sequence((away,), ObjectTrack.resting((), track.frames), 30.0)
+    scene = make_scene({"before": hands, "after": hands})
+    client = SimpleNamespace(camera=SimpleNamespace(fov=1.3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        item = GalleryItem("far", lambda: scene, dict.fromkeys(SORT_MEASURES, 1.0))
+        gallery = Gallery([item], up=Look().upward, port=free_port())
+        gallery._look(client)
+        gallery.stop()
+    aside = client.camera.look_at - scene.versions[0].hands[0].joints[0].mean(0).numpy()
+    assert np.linalg.norm(aside) == pytest.approx(VERSION_SPACING / 2, abs=0.01)
+    assert 0.3 < np.linalg.norm(client.camera.position - client.camera.look_at) < 1
 
 
 def free_port() -> int:
