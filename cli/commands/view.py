@@ -80,7 +80,7 @@ def view(
     up = chosen.pop("up")
     look = Look(up=up or "z", **chosen)
     if serve:
-        return _serve(files, obj, opened, look.upward, port)
+        return _serve(files, obj, opened, up, port)
     if len(files) > 2:
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
     check_scene_outputs(outputs, inputs=[*files, *obj], overwrite=overwrite)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from geneoh.choices import Axis
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.metrics.report import FRAME_MEANS
 from geneoh.progress import OnStep, steps
@@ -20,7 +21,7 @@ from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.recordings import with_distinct_names
 from geneoh.viz.camera import cameras
-from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
+from geneoh.viz.look import SKIN_COLOUR, Look
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"  # reachable from this machine only
@@ -88,8 +89,8 @@ def in_words(value: float, digits: int) -> str:
 class Gallery:
     """The running server: one result is shown; the list and the sliders change it."""
 
-    def __init__(self, items: list[GalleryItem], *, up: np.ndarray, port: int = 8080):
-        """Start the server and show the first result."""
+    def __init__(self, items: list[GalleryItem], *, up: Axis | None, port: int = 8080):
+        """Start the server and show the first result; `up` is by default that of each scene."""
         try:
             import viser
         except ImportError:
@@ -102,8 +103,7 @@ class Gallery:
         # viser calls from threads of its own, while `run` plays in that of the caller
         self._lock = threading.RLock()
         self._server: Any = viser.ViserServer(host=ADDRESS, port=port, verbose=False)
-        self._server.scene.set_up_direction(tuple(up))
-        self._up = up
+        self._up: Axis | None = up
         gui = self._server.gui
         self._sort = gui.add_dropdown("Sort by", SORT_MEASURES)
         self._list = gui.add_dropdown("Result", [self._label(item) for item in self._order])
@@ -161,8 +161,10 @@ class Gallery:
                 f"- {name.replace('_', ' ')}: **{in_words(value, 2)}**"
                 for name, value in item.measures.items()
             )
-            self._camera = cameras(self._scene, self._up)[0]
+            upward = Look(up=self._up or self._scene.up).upward
+            self._camera = cameras(self._scene, upward)[0]
             self._server.scene.reset()
+            self._server.scene.set_up_direction(tuple(upward))
             self._moving = []
             for index, version in enumerate(self._scene.versions):
                 self._add_version(index, version)
@@ -187,7 +189,7 @@ class Gallery:
         shapes.add_frame(root, show_axes=False, position=aside)
         for part, mesh in enumerate(scene.object.meshes):
             shape = (f"{root}/object{part}", mesh.verts.numpy(), mesh.faces.numpy())
-            node = shapes.add_mesh_simple(*shape, color=OBJECT_COLOUR, opacity=0.55)
+            node = shapes.add_mesh_simple(*shape, color=scene.part_colour(part), opacity=0.55)
             quat_wxyz, translation = scene.part_motion(part)
             self._moving.append((node, {"wxyz": quat_wxyz, "position": translation}))
         for hand in version.hands:

@@ -4,13 +4,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
 
+import bodies
 import numpy as np
 import pytest
 import torch
 
 from geneoh.errors import InputError
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.viz.look import Look
 from geneoh.viz.scene import make_scene
 from geneoh.viz.serve import (
     SORT_MEASURES,
@@ -21,6 +21,7 @@ from geneoh.viz.serve import (
     in_words,
     sorted_by,
 )
+from geneoh.viz.view import open_scene
 
 
 def test_the_clip_that_sinks_deepest_comes_first(scene):
@@ -111,7 +112,7 @@ def test_the_gallery_shows_sorts_and_steps(scene):
     with warnings.catch_warnings():
         # what viser's own dependencies deprecate is not ours to mend
         warnings.simplefilter("ignore")
-        gallery = Gallery(clips, up=Look().upward, port=free_port())
+        gallery = Gallery(clips, up=None, port=free_port())
         try:
             assert gallery.shown.name == "b"
             gallery._step(1)
@@ -129,10 +130,10 @@ def test_results_can_be_changed_while_one_is_played(scene):
     clips = [GalleryItem(name, lambda: scene, dict.fromkeys(SORT_MEASURES, 1.0)) for name in "ab"]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        gallery = Gallery(clips, up=Look().upward, port=free_port())
+        gallery = Gallery(clips, up=None, port=free_port())
         try:
             with ThreadPoolExecutor(1) as other:
-                changes = other.submit(lambda: [gallery._step(1) for _ in range(30)])
+                changes = other.submit(lambda: [gallery._step(1) for _ in range(8)])
                 while not changes.done():
                     gallery._pose()
             changes.result()
@@ -150,12 +151,23 @@ def test_a_browser_looks_at_the_hands_wherever_they_are(track):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         item = GalleryItem("far", lambda: scene, dict.fromkeys(SORT_MEASURES, 1.0))
-        gallery = Gallery([item], up=Look().upward, port=free_port())
+        gallery = Gallery([item], up=None, port=free_port())
         gallery._look(client)
         gallery.stop()
     aside = client.camera.look_at - scene.versions[0].hands[0].joints[0].mean(0).numpy()
     assert np.linalg.norm(aside) == pytest.approx(VERSION_SPACING / 2, abs=0.01)
     assert 0.3 < np.linalg.norm(client.camera.position - client.camera.look_at) < 1
+
+
+def test_a_body_stands_upright(tmp_path):
+    pytest.importorskip("viser", reason="the extra `view` is not installed")
+    file = bodies.hands_file(tmp_path / "hands.npz", bodies.recording(up="y"))
+    items, _ = gallery_items([file], (), open_scene)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        gallery = Gallery(items, up=None, port=free_port())
+        gallery.stop()
+    assert gallery._camera.axes[1, 1] > 0.9
 
 
 def free_port() -> int:
