@@ -4,6 +4,7 @@ import csv
 import html
 import io
 import json
+import os
 from collections.abc import Iterable
 from math import isfinite, nan
 from typing import Any
@@ -19,7 +20,7 @@ def csv_text(rows: Iterable[Iterable[Any]]) -> str:
 
 def link(file: str, words: str) -> str:
     """A link of a page to a file beside it; its name may hold any letter."""
-    return f'<a href="{quote(file)}">{html.escape(words)}</a>'
+    return f'<a href="{quote(os.fsencode(file))}">{html.escape(words)}</a>'
 
 
 def json_text(value: Any, indent: int | None = None) -> str:

@@ -75,6 +75,12 @@ def test_the_summary_tells_how_deep_two_hands_were_in_each_other(
     assert told in (tmp_path / "out" / "summary.csv").read_text()
 
 
+def test_the_summary_links_a_file_whose_name_is_in_an_old_encoding(clips, clean, tmp_path):
+    (clips / "clip0.npz").rename(clips / os.fsdecode(b"caf\xe9.npz"))
+    clean(clips)
+    assert '<a href="caf%E9.npz">caf?</a>' in (tmp_path / "out" / "summary.html").read_text()
+
+
 @pytest.mark.slow
 def test_processes_give_the_bits_of_one_and_survive_a_killed_one(clips, clean, tmp_path):
     clean(clips, "one")
