@@ -285,11 +285,16 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
 
 
 def _check_places(clips: list[BatchClip], folder: Path) -> None:
-    """`InputError` if a result would lie outside the output folder or replace an input."""
+    """`InputError` if a result would lie outside the output folder, or replace an input or another
+    result."""
     inputs = {clip.path.resolve() for clip in clips}
+    taken: dict[Path, str] = {}
     for clip in clips:
         place = (folder / f"{clip.name}.npz").resolve()
         if not place.is_relative_to(folder.resolve()):
             raise InputError(f"'{clip.name}': expected a name within {folder}; choose another one")
         if place in inputs:
             raise InputError(f"{place}: is an input and never replaced; choose another folder")
+        if place in taken:
+            raise InputError(f"'{clip.name}': is the file of '{taken[place]}' too; rename one")
+        taken[place] = clip.name

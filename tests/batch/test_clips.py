@@ -164,6 +164,7 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
         (("input,name", "in/clip0.npz"), r"line 2: expected 2 values .* got 1"),
         (("input,source", "in/clip0.npz,grob"), "source grob: expected one of"),
         (("input,name", "in/clip0.npz,../../x"), "expected a name within"),
+        (("input,name", "in/clip0.npz,x", "in/clip1.npz,./x"), r"'\./x': is the file of 'x' too"),
         (("input,name", "in,one"), "'name' is for one clip, got 3"),
         (("input,options", "in/clip0.npz,seed=1", "in/clip0.npz,seed=2"), "both called clip0;"),
         (("input,options", "in/clip0.npz,camera=here"), "line 2: camera: expected three numbers"),
