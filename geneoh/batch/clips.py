@@ -20,7 +20,7 @@ import numpy as np
 from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError, numbered
-from geneoh.files.journal import CLEANED, is_journal
+from geneoh.files.journal import CLEANED, is_journal, read_journal
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text, refuse_missing, table_in
 from geneoh.pipeline.options import Options
@@ -83,7 +83,10 @@ def find_batch_clips(
     """
     meshes = tuple(mesh.absolute() for mesh in meshes)  # as the journal names them
     inputs, found = list(inputs), []
-    for path in (path for given in inputs for path in expanded(given)):
+    paths = [path for given in inputs for path in expanded(given, folder)]
+    made = results_in(folder)
+    # a pattern, of this command or of the shell, matches them when a run is started again
+    for path in [path for path in paths if path.resolve() not in made] or paths:
         if source is None and is_manifest(path):
             found += clips_of_manifest(path, folder)
         else:
@@ -125,14 +128,21 @@ def _distinct(found: list[BatchClip]) -> list[BatchClip]:
     ]
 
 
-def expanded(path: Path) -> list[Path]:
-    """The absolute paths that match a glob; an existing path is returned as it is."""
+def expanded(path: Path, folder: Path) -> list[Path]:
+    """The absolute paths that match a glob, without the output folder; an existing path is returned
+    as it is."""
     if path.exists() or not has_magic(str(path)):
         return [path.absolute()]
     found = sorted(Path(each).absolute() for each in glob(str(path), recursive=True))
     if not found:
         raise InputError(f"{path}: no file or folder has such a name; check the pattern")
-    return found
+    return [each for each in found if each.resolve() != folder.resolve()] or found
+
+
+def results_in(folder: Path) -> set[Path]:
+    """The files that the journal of an earlier run in the output folder names as its results."""
+    records = read_journal(folder / CLEANED) if is_journal(folder / CLEANED) else []
+    return {(folder / name).resolve() for record in records for name in record.get("files", ())}
 
 
 def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:

@@ -54,6 +54,18 @@ def test_results_are_no_inputs_by_any_way_to_their_folder(found, tmp_path, way):
     assert [clip.name for clip in clips] == ["in/clip0", "in/clip1", "in/more/clip0"]
 
 
+@pytest.mark.parametrize("given", [("*/*.npz",), ("in/clip0.npz", "out/clip0.npz")])
+def test_results_are_no_inputs_of_a_run_that_is_started_again(found, tmp_path, given):
+    (tmp_path / "in/clip1.npz").unlink()
+    first = list(found(*given[:1]))
+    assert first == ["clip0"]
+    fake_cleaning.write_clips(tmp_path / "out", 1)
+    lines = ({"options": {}, "weights": {}}, {"clip": "clip0", "files": {"clip0.npz": "1 a"}})
+    (tmp_path / "out/journal.jsonl").write_text("".join(f"{json.dumps(x)}\n" for x in lines))
+    assert list(found(*given)) == first
+    assert list(found("*")) == ["clip0", "more/clip0"]
+
+
 def test_inputs_above_the_folder_for_results_are_found_from_within_it(found, tmp_path):
     (tmp_path / "out").mkdir()
     clips = find_batch_clips([tmp_path / "out/../in"], None, tmp_path / "out")
