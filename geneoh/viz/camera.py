@@ -18,7 +18,7 @@ from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz.raster import rasterise
-from geneoh.viz.scene import DrawnSurface, Scene
+from geneoh.viz.scene import DrawnSurface, Scene, seen_object
 
 FIELD_OF_VIEW = np.deg2rad(28.0)  # angle over the shorter side of a picture, radians
 TURNS = 12  # directions that are tried around the up axis at each elevation
@@ -86,7 +86,7 @@ def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     targets = _targets(scene)
     axes = _best_axes(scene, up, targets, _radius(scene, targets, np.eye(3)))
     radius = _radius(scene, targets, axes)
-    if scene.object.meshes:
+    if seen_object(scene.object).meshes:
         middles = _middles_of_all(scene, targets, axes)
         whole = MARGIN * _whole(_all(scene), middles, axes)
         if whole < NEARLY * radius:
@@ -169,7 +169,8 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
     seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in scene.hands]
     centre = torch.cat(seen, dim=1).nanmean(1).numpy()
     frames, there = np.arange(scene.frames), np.isfinite(centre).all(1)
-    middle = _middles(scene.object) if scene.object.meshes else None
+    motion = seen_object(scene.object)
+    middle = _middles(motion) if motion.meshes else None
     if there.any():
         centre = np.stack([np.interp(frames, frames[there], axis[there]) for axis in centre.T], -1)
     elif middle is not None:
@@ -195,15 +196,15 @@ def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:
 
 def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
     """Radius with which a camera of these axes sees the hands around the targets, metres."""
-    sizes = [float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes] or [0.0]
+    sizes = [float(mesh.extent().norm()) / 2 for mesh in seen_object(scene.object).meshes] or [0.0]
     hands = [(hand.verts, hand.valid) for hand in scene.hands]
     return MARGIN * max(_whole(hands, targets, axes), min(max(sizes), MAX_OBJECT))
 
 
 def _all(scene: Scene) -> Iterator[Seen]:
-    """The hands of all versions, and the outline of each part of the object."""
+    """The hands of all versions, and the outline of each part of the object that was ever seen."""
     yield from ((hand.verts, hand.valid) for hand in scene.hands)
-    motion = scene.object
+    motion = seen_object(scene.object)
     for part, mesh in enumerate(motion.meshes):
         verts = mesh.some_verts(OUTLINE)
         placed = verts @ motion.rotation[:, part].mT + motion.translation[:, part, None]

@@ -243,7 +243,7 @@ def make_scene(
         }
     shots = common_shots(replace(last, hands=tuple(map(without_placeholders, last.hands))))
     motion = concatenated(with_masks(shot_of(last, shot).object for shot in shots))
-    met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
+    met = seen_object(motion)
     distance_of = partial(_distances, cache(met.surface)) if met.meshes else None
     versions = []
     for name, sequence in sequences.items():
@@ -255,6 +255,11 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), motion, last.fps, paced)
     return scene if body is None else with_body(scene, body)
+
+
+def seen_object(motion: ObjectTrack) -> ObjectTrack:
+    """An object without parts that were never seen, which rest at the world's origin."""
+    return motion.of_parts(motion.seen_parts) if motion.meshes else motion
 
 
 def _distances(

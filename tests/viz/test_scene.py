@@ -10,7 +10,8 @@ from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
-from geneoh.viz.look import LARGEST_DEPTH, SKIN_COLOUR, ramp_colours, ramp_position
+from geneoh.viz.camera import cameras
+from geneoh.viz.look import LARGEST_DEPTH, SKIN_COLOUR, Look, ramp_colours, ramp_position
 from geneoh.viz.outputs import refuse_colouring, write
 from geneoh.viz.scene import make_scene
 
@@ -99,6 +100,16 @@ def test_nothing_is_measured_against_a_part_that_was_never_seen(scene, track):
     both, one = (make_scene({"clip": each}).versions[0].measures for each in (moving, hidden))
     assert float(both.depth.min()) > 0.005  # the hand sinks into the first part
     assert float(one.depth.max()) == 0
+
+
+def test_the_camera_does_not_look_for_a_part_that_was_never_seen(scene, track):
+    moving = replace_hands(scene, track)
+    seen = torch.tensor([True, False]).expand(len(track.pose), 2)
+    hidden = replace(moving, object=replace(moving.object, valid=seen))
+    alone = replace(moving, object=moving.object.of_parts([0]))
+    up = Look().upward
+    one, other = (cameras(make_scene({"clip": each}), up)[0] for each in (hidden, alone))
+    assert (one.target.tolist(), one.radius) == (other.target.tolist(), other.radius)
 
 
 def test_poses_that_the_object_lacks_are_filled_in(scene, track):
