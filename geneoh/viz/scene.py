@@ -114,8 +114,8 @@ class Scene:
 
     def means(self, version: Version) -> dict[str, float]:
         """The means of a version over the frames of the input that have its hands, as the report
-        has them: without the accelerations across a cut of the video, and over all its frames with
-        a hand if those of the input are unknown."""
+        has them, but at the clip's own frame rate: without the accelerations across a cut of the
+        video, and over all its frames with a hand if those of the input are unknown."""
         measures, bends = version.measures, version.measures.acceleration.clone()
         for cut in self.cuts:
             bends[cut - 1 : cut + 1] = torch.nan

@@ -49,10 +49,12 @@ const names = scene.versions.length > 1 ? ["before", "after"] : ["after"];
 
 // means leave out what the input lacks, so that before and after compare the same frames
 const counted = scene.filled.some(Boolean) ? ", without those filled in" : "";
+// reports measure acceleration at 30 frames a second, whatever the rate of the clip
+const rate = Math.abs(scene.fps - 30) < 0.05 ? "" : ` at ${+scene.fps.toFixed(2)} fps`;
 const ROWS = [
   { name: "penetration", title: "Deepest penetration, mm", digits: 1, mean: `Mean over the frames with a hand${counted}` },
   { name: "contact", title: "Fingertips in contact", digits: 0, mean: `Mean over the frames with contact${counted}` },
-  { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1, mean: `Mean over the frames with a hand${counted}` },
+  { name: "acceleration", title: `Acceleration, mm/frame²${rate}`, digits: 1, mean: `Mean over the frames with a hand${counted}` },
   { name: "confidence", title: "Confidence in the object’s poses, %", digits: 0, mean: "Mean over all frames" },
 ].filter((row) => scene.versions[0].curves[row.name]);
 for (const row of ROWS) {
