@@ -20,7 +20,7 @@ import numpy as np
 from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError, numbered
-from geneoh.files.journal import CLEANED, is_journal, read_journal
+from geneoh.files.journal import CLEANED, is_journal, results_in
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text, refuse_missing, table_in
 from geneoh.pipeline.options import Options
@@ -84,7 +84,7 @@ def find_batch_clips(
     meshes = tuple(mesh.absolute() for mesh in meshes)  # as the journal names them
     inputs, found = list(inputs), []
     paths = [path for given in inputs for path in expanded(given, folder)]
-    made = results_in(folder)
+    made = results_in(folder, CLEANED)
     # a pattern, of this command or of the shell, matches them when a run is started again
     for path in [path for path in paths if path.resolve() not in made] or paths:
         if source is None and is_manifest(path):
@@ -137,12 +137,6 @@ def expanded(path: Path, folder: Path) -> list[Path]:
     if not found:
         raise InputError(f"{path}: no file or folder has such a name; check the pattern")
     return [each for each in found if each.resolve() != folder.resolve()] or found
-
-
-def results_in(folder: Path) -> set[Path]:
-    """The files that the journal of an earlier run in the output folder names as its results."""
-    records = read_journal(folder / CLEANED) if is_journal(folder / CLEANED) else []
-    return {(folder / name).resolve() for record in records for name in record.get("files", ())}
 
 
 def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:

@@ -49,6 +49,12 @@ def is_journal(path: Path) -> bool:
     return isinstance(record, dict) and any(set(names) <= record.keys() for names in FIRST_NAMES)
 
 
+def results_in(folder: Path, name: str) -> set[Path]:
+    """The real paths of the results of earlier runs in a folder, by their journal of this name."""
+    records = read_journal(folder / name) if is_journal(folder / name) else []
+    return {(folder / file).resolve() for record in records for file in record.get("files", ())}
+
+
 def begin_journal(path: Path, records: Iterable[Record]) -> None:
     """Write a new journal in one step, in place of an old one; makes its folder."""
     write_whole(path, "".join(json_text(record) + "\n" for record in records), parents=True)

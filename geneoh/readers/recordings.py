@@ -10,6 +10,7 @@ from geneoh.arguments import checked_call, is_plain
 from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, closest_name
 from geneoh.errors import ConfigError, InputError
+from geneoh.files.journal import CLEANED, CONVERTED, results_in
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
@@ -106,12 +107,17 @@ def source_named(name: str) -> Source:
 def find_clips(source: Source, paths: list[Path], results: Path | None = None) -> list[SourceClip]:
     """Every clip of a source below some paths, each once; `InputError` for a path without any.
 
-    Files in the output folder `results` do not count as clips, unless the path is inside it.
+    Files in the output folder `results` do not count as clips, unless the path is inside it. Then
+    those that its journals name as results count only where there are no others.
     """
+    made = set[Path]()
+    if results is not None:
+        made = results_in(results, CONVERTED) | results_in(results, CLEANED)
     found: dict[Path, SourceClip] = {}
     for path in paths:
         refuse_missing(path)
         clips = source.reader().find(path.resolve())
+        clips = [clip for clip in clips if clip.path not in made] or clips
         if results is not None and not lies_within(path, results):
             clips = [clip for clip in clips if not lies_within(clip.path, results)]
         if not clips:

@@ -29,7 +29,7 @@ EXAMPLE = "examples/taco_clean.npz"
 
 def run(name, folder, out, known, **options):
     source = source_named(name)
-    return list(convert(source, find_clips(source, [folder]), out, known, **options))
+    return list(convert(source, find_clips(source, [folder], out), out, known, **options))
 
 
 def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
@@ -243,6 +243,14 @@ def test_sequences_of_an_earlier_conversion_below_the_path_are_no_clips(tmp_path
         assert [clip.name for clip in clips] == ["hand"]
         assert not any(outcome.failed for outcome in convert(source, clips, out, ReaderOptions()))
     assert len(find_clips(source, [out], out)) == 1
+
+
+def test_sequences_of_an_earlier_conversion_into_the_same_folder_are_no_clips(tmp_path):
+    np.save(tmp_path / "hand.npy", scene().joints["right"])
+    known = ReaderOptions(side="right", fps=30.0)
+    for skipped in (False, True):
+        (outcome,) = run("keypoints", tmp_path, tmp_path, known)
+        assert (outcome.clip.name, outcome.skipped) == ("hand", skipped)
 
 
 def test_other_options_are_another_conversion(tmp_path, mano_dir):
