@@ -145,8 +145,7 @@ class Gallery:
     def _resort(self) -> None:
         self._order = sorted_by(self._items, self._sort.value)
         self._list.options = [self._label(item) for item in self._order]
-        self._list.value = self._list.options[0]
-        self._show()
+        self._list.value = self._list.options[0]  # a new value is shown
 
     def _step(self, by: int) -> None:
         names = list(self._list.options)

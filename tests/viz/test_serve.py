@@ -101,10 +101,16 @@ def test_without_a_mesh_beside_it_a_result_is_opened_with_the_meshes_that_it_nam
 
 def test_the_gallery_shows_sorts_and_steps(scene):
     pytest.importorskip("viser", reason="the extra `view` is not installed")
+    opened = []
+
+    def open_one():
+        opened.append(1)
+        return scene
+
     clips = [
         GalleryItem(
             name,
-            lambda: scene,
+            open_one,
             dict.fromkeys(SORT_MEASURES, value) | {"penetration_max_mm": -value},
         )
         for name, value in (("a", 1.0), ("b", 2.0))
@@ -118,8 +124,8 @@ def test_the_gallery_shows_sorts_and_steps(scene):
             gallery._step(1)
             assert gallery.shown.name == "a"
             gallery._sort.value = "penetration_max_mm"
-            gallery._resort()
             assert gallery.shown.name == "a"
+            assert len(opened) == 3
         finally:
             gallery.stop()
 
