@@ -24,8 +24,8 @@ LEAST_JITTER = 0.001
 proportion to the square of the time between frames, and the bound is scaled by that."""
 CHANCE = 12.0
 """With N differences, the variance along the ray must be at least `1 + CHANCE / sqrt(N)` times the
-next one. Isotropic noise of the position exceeds this bound in one of 500 tracks of 120
-frames, noise of position, rotation and fingers in one of fifty."""
+next one. Isotropic noise of the position exceeds this bound in one of 500 tracks of 120 frames,
+noise of position, rotation and fingers in one of fifty."""
 FOURTH_SHARE = 0.7
 """Share of that excess over 1 that fourth differences must show too."""
 ALIKE = 0.9
