@@ -86,11 +86,11 @@ def find_batch_clips(
     paths = [path for given in inputs for path in expanded(given, folder)]
     made = results_in(folder, CLEANED)
     # a pattern, of this command or of the shell, matches them when a run is started again
-    for path in [path for path in paths if path.resolve() not in made] or paths:
-        if source is None and is_manifest(path):
-            found += clips_of_manifest(path, folder)
-        else:
-            found += _clips_of(path, source, folder)
+    paths = [path for path in paths if path.resolve() not in made] or paths
+    if source is not None:
+        found += _clips_of_source(paths, source, folder)
+    for path in paths if source is None else ():
+        found += clips_of_manifest(path, folder) if is_manifest(path) else _clips_of(path, folder)
     if not found:
         raise InputError(f"{', '.join(map(str, inputs))}: lists no clip; add lines to the manifest")
     clips = [
@@ -139,11 +139,14 @@ def expanded(path: Path, folder: Path) -> list[Path]:
     return [each for each in found if each.resolve() != folder.resolve()] or found
 
 
-def _clips_of(path: Path, source: str | None, folder: Path) -> list[BatchClip]:
-    """The clips at or below one path; `InputError` if there is none."""
-    if source is not None:
-        clips = find_source_clips(source_named(source), [path], folder)
-        return [BatchClip(clip.name, clip.path, source) for clip in clips]
+def _clips_of_source(paths: list[Path], source: str, folder: Path) -> list[BatchClip]:
+    """The clips of a source at or below some paths; `InputError` for a path without any."""
+    clips = find_source_clips(source_named(source), paths, folder)
+    return [BatchClip(clip.name, clip.path, source) for clip in clips]
+
+
+def _clips_of(path: Path, folder: Path) -> list[BatchClip]:
+    """The npz clips at or below one path; `InputError` if there is none."""
     if path.is_dir():
         there = [each for each in sorted(below(path, "*.npz")) if each.is_file()]
         runs = {each.parent for each in below(path, CLEANED) if is_journal(each)} - {path}
@@ -250,7 +253,7 @@ def clips_of_row(
             "'source', or drop the option"
         )
     try:
-        clips = _clips_of(path, source, folder)
+        clips = _clips_of_source([path], source, folder) if source else _clips_of(path, folder)
     except InputError as error:
         clips = [BatchClip(path.stem, path, source, problem=str(error))]
     if name and len(clips) > 1:

@@ -110,15 +110,17 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
     Files in the output folder `results` do not count as clips, unless the path is inside it. Then
     those that its journals name as results count only where there are no others.
     """
+    within = {path for path in paths if results is not None and lies_within(path, results)}
     made = set[Path]()
-    if results is not None:
+    if results is not None and within:
         made = results_in(results, CONVERTED) | results_in(results, CLEANED)
     found: dict[Path, SourceClip] = {}
     for path in paths:
         refuse_missing(path)
         clips = source.reader().find(path.resolve())
-        clips = [clip for clip in clips if clip.path not in made] or clips
-        if results is not None and not lies_within(path, results):
+        if path in within:
+            clips = [clip for clip in clips if clip.path not in made] or clips
+        elif results is not None:
             clips = [clip for clip in clips if not lies_within(clip.path, results)]
         if not clips:
             raise InputError(
