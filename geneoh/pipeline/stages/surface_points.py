@@ -1,8 +1,7 @@
 """Points on the object's surface by which the stages know it, where the hand reaches it."""
 
-import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 from scipy.spatial import KDTree
 from torch import Tensor
 
@@ -29,18 +28,19 @@ def surface_points(
     farther than on the objects of training. So where less than `REACHED_SHARE` of the surface is in
     reach of the hand, they are drawn there.
     """
+    some = surface.at(slice(None, None, SELECT_EVERY))
+    hands = [pose.inverse().apply(joints[::SELECT_EVERY]) for _, pose in some.parts]
+    trees = [KDTree(hand.flatten(0, 1).cpu().numpy()) for hand in hands]
     everywhere = spread_points(surface, SURFACE_POINTS, generator)
-    apart = distances_of(everywhere, surface, joints)
-    if (np.concatenate(apart) <= REACH).mean() >= REACHED_SHARE:
+    if (torch.cat(distances(everywhere, trees)) <= REACH).double().mean() >= REACHED_SHARE:
         return everywhere
     candidates = spread_points(surface, CANDIDATES, generator)
-    apart = distances_of(candidates, surface, joints)
-    every = np.concatenate(apart)
-    reach = max(REACH, least(every, SURFACE_POINTS))
-    share = SURFACE_POINTS / (every <= reach).sum()
+    apart = distances(candidates, trees)
+    every = torch.cat(apart)
+    reach = every.kthvalue(SURFACE_POINTS).values.clamp(min=REACH)
+    share = SURFACE_POINTS / int((every <= reach).sum())
     return [
-        share_within(reach, share, part, distances)
-        for part, distances in zip(candidates, apart, strict=True)
+        share_within(reach, share, part, own) for part, own in zip(candidates, apart, strict=True)
     ]
 
 
@@ -57,28 +57,23 @@ def spread_points(
     ]
 
 
-def distances_of(
-    parts: list[SurfaceSamples], surface: MovingSurface, joints: Float[Tensor, "T 21 3"]
-) -> list[Float[np.ndarray, " P"]]:
-    """Distance of each point of each part to the nearest keypoint of any frame, metres."""
-    found = []
-    for points, (_, pose_world_part) in zip(parts, surface.parts, strict=True):
-        hand = pose_world_part.inverse().apply(joints)[::SELECT_EVERY].flatten(0, 1)
-        found.append(KDTree(hand.cpu().numpy()).query(points.points.numpy())[0])
-    return found
+def distances(parts: list[SurfaceSamples], trees: list[KDTree]) -> list[Float64[Tensor, " P"]]:
+    """Distance of each point of each part to the nearest point of its tree, metres."""
+    return [
+        torch.from_numpy(tree.query(part.points.numpy())[0])
+        for part, tree in zip(parts, trees, strict=True)
+    ]
 
 
 def share_within(
-    reach: float, share: float, points: SurfaceSamples, distances: Float[np.ndarray, " P"]
+    reach: Float64[Tensor, ""],
+    share: float,
+    points: SurfaceSamples,
+    apart: Float64[Tensor, " P"],
 ) -> SurfaceSamples:
     """A share of the points of a part that are within reach, or its `FEWEST_POINTS` nearest."""
-    near = np.flatnonzero(distances <= max(reach, least(distances, FEWEST_POINTS)))
+    near = torch.nonzero(apart <= apart.kthvalue(FEWEST_POINTS).values.maximum(reach))[:, 0]
     count = max(FEWEST_POINTS, round(share * len(near)))
     # as evenly as all points, whose order is that of the faces
-    chosen = near[np.linspace(0, len(near) - 1, count).round().astype(int)]
+    chosen = near[torch.linspace(0, len(near) - 1, count, dtype=torch.float64).round().long()]
     return SurfaceSamples(points.points[chosen], points.normals[chosen])
-
-
-def least(values: Float[np.ndarray, " P"], count: int) -> float:
-    """The largest of the `count` smallest values."""
-    return float(np.partition(values, count - 1)[count - 1])
