@@ -168,7 +168,8 @@ trust_and_refine = together(
     flag(
         "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "
         "are smoothed before the hand is cleaned, a filter that one of hand and object went "
-        "through is undone, and the motion of a camera is estimated."
+        "through is undone, the motion of a camera is estimated, and a mesh that is too large is "
+        "left out."
     ),
     flag(
         "--refine-object: Write poses of the object that agree with the clean hands, and not "

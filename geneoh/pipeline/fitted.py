@@ -26,6 +26,7 @@ from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages.alone import measure_hand
+from geneoh.pipeline.too_large import DepthLeft
 from geneoh.pipeline.touch import EXACT_WITHIN, finger_contact
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
@@ -55,6 +56,8 @@ class FittedHand:
     shaped: ShapedHand
     betas: Float[Tensor, " K"]
     seconds: dict[str, float]
+    left: DepthLeft | None = None
+    """Depth that was left when the hand was cleaned against the mesh, if this was undone."""
 
     @property
     def evidence(self) -> Float[Tensor, " T"]:
@@ -125,6 +128,9 @@ class FittedHand:
         apart_from_given = (joints - self.given_joints).norm(dim=-1)
         of_frames = (apart_from_given * seen).sum(-1) / seen.sum(-1).clamp(min=1)
         doubts: Iterable[str] = ()
+        weight = () if self.left is None else self.left.note()
+        if self.left is None and self.preset.has_object:
+            weight = doubt(self.hand.frames_to_user(self.evidence))
         if apart is not None and apart_before is not None and self.preset.has_object:
             given = HandAtObject(self.given_joints, apart_before)
             doubts = contradictions(given, HandAtObject(joints, apart), observed, self.evidence)
@@ -144,7 +150,7 @@ class FittedHand:
             notes=(
                 *subject.notes,
                 *subject.never_seen(),
-                *(doubt(self.hand.frames_to_user(self.evidence)) if self.preset.has_object else ()),
+                *weight,
                 *doubts,
                 *through_walls(before, after),
             ),

@@ -1,6 +1,6 @@
 """Clean one hand: the three stages, the selection among samples, and the fit of parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -21,6 +21,7 @@ from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
 from geneoh.pipeline.fitted import FittedHand
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.stages.run import StageRun
+from geneoh.pipeline.too_large import depth_left
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.sequence import HandTrack
@@ -67,32 +68,47 @@ class HandRun:
         generator = torch.Generator().manual_seed(self.seed)
         stages = StageRun(self.denoisers, subject, seen, progress_of, generator)
         ray, noise = hand.track.camera_ray, self.object_noise
-        samples, near = stages.relied_on(
-            surface, poses, near, chosen, hand.fps, ray=ray, object_noise=noise
-        )
-        index, target = _select(samples, subject, chosen.selection)
-        on_step = progress_of("fit")
-        state, shaped, betas = _fit(target, subject, given, chosen, surface, near * poses, on_step)
+        before, joints = given, subject.joints
         if raw is not None:
             observed = subject_of(raw.to(hand.track.valid.device), model, carrier)
-        before = given if observed.start is subject.start else observed.parameters()
-        return FittedHand(
-            hand=hand,
-            subject=subject,
-            given=before,
-            given_joints=subject.joints if raw is None else observed.completed(before).joints,
-            preset=chosen,
-            surface=surface,
-            near=near,
-            poses=poses,
-            samples=samples,
-            chosen=index,
-            target=target,
-            state=state,
-            shaped=shaped,
-            betas=betas,
-            seconds=seconds,
-        )
+            before = given if observed.start is subject.start else observed.parameters()
+            joints = observed.completed(before).joints
+
+        def cleaned(near: Float[Tensor, " N"]) -> FittedHand:
+            samples, near = stages.relied_on(
+                surface, poses, near, chosen, hand.fps, ray=ray, object_noise=noise
+            )
+            index, target = _select(samples, subject, chosen.selection)
+            on_step = progress_of("fit")
+            state, shaped, betas = _fit(
+                target, subject, given, chosen, surface, near * poses, on_step
+            )
+            return FittedHand(
+                hand=hand,
+                subject=subject,
+                given=before,
+                given_joints=joints,
+                preset=chosen,
+                surface=surface,
+                near=near,
+                poses=poses,
+                samples=samples,
+                chosen=index,
+                target=target,
+                state=state,
+                shaped=shaped,
+                betas=betas,
+                seconds=seconds,
+            )
+
+        found = cleaned(near)
+        if against is None or not (chosen.clean_object and chosen.contact):
+            return found
+        counted = hand.track.observed & (found.evidence > 0.5)
+        left = depth_left(found.target[0], found.state, found.shaped, against, counted)
+        if left.evidence == 1:
+            return found
+        return replace(cleaned(near * left.evidence), left=left)
 
 
 def _reliance(

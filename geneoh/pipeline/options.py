@@ -56,7 +56,7 @@ class Options:
     trust_object: bool = False
     """Whether the object's poses are taken as exact and their frame as still: they are neither
     examined nor cleaned, and no filter that the hand or the object went through is undone, nor the
-    motion of a camera removed."""
+    motion of a camera removed. A mesh in which fingers stay deep is relied on as well."""
     refine_object: bool = False
     """Whether the result has poses of the object that agree with the clean hands
     (`geneoh.objects.refine`) and not those of the input. It needs the examination of the object,

@@ -84,7 +84,9 @@ class Preset:
     canonical: bool = True
     """Whether the canonical frame moves with the contact points; False, for an ablation, fixes it
     in the world frame."""
-    clean_object: bool = True  # whether noisy object poses are smoothed before the stages
+    clean_object: bool = True
+    """Whether noisy object poses are smoothed before the stages, and a mesh is left out in which
+    fingers stay deep."""
     camera_told: bool = True
     """Whether the stages get the camera ray that the sequence contains."""
     camera_found: bool = True  # whether a missing camera ray is estimated from the hand's noise

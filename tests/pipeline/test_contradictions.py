@@ -10,12 +10,14 @@ from geneoh.choices import Noise
 from geneoh.geometry.mesh import Mesh
 from geneoh.pipeline.contradictions import HandAtObject, contradictions
 from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.too_large import DepthLeft
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 
 FRAMES = 60
 SEEN, SURE = torch.ones(FRAMES, dtype=torch.bool), torch.ones(FRAMES)
 MESH, SHIFT = "the mesh may be larger than the object", "the hand was moved by"
+LARGER = "its mesh seems to be larger than the object"
 
 
 def hand(depth: float, jitter: float = 0.002, moved: float = 0.0) -> HandAtObject:
@@ -72,12 +74,14 @@ def test_noise_is_no_fault_of_the_mesh(held, noise):
     if noise is not None:
         given = corrupt_sequence(held, noise, generator=torch.Generator().manual_seed(1))
     notes = notes_of(given)
-    assert not any(MESH in words for words in notes)
+    assert not any(MESH in words or LARGER in words for words in notes)
     # a camera's hands are decimetres off along its ray, and moved back
     assert any(SHIFT in words for words in notes) == (noise == "camera")
 
 
-def test_a_box_around_the_object_is_told(held):
+@pytest.fixture(scope="module")
+def boxed(held) -> Sequence:
+    """The recording with a box around the object for its mesh."""
     (mesh,) = held.object.meshes
     low, high = mesh.verts.amin(0), mesh.verts.amax(0)
     corners = torch.cartesian_prod(*torch.tensor([[0.0, 1.0]] * 3))
@@ -86,8 +90,27 @@ def test_a_box_around_the_object_is_told(held):
         + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
     )
     box = Mesh(low + corners * (high - low), faces)
-    given = replace(held, object=replace(held.object, meshes=(box,)))
-    assert any(MESH in words for words in notes_of(given))
+    return replace(held, object=replace(held.object, meshes=(box,)))
+
+
+def test_a_box_around_the_object_is_told_and_does_not_move_the_hand(boxed):
+    found = denoise(boxed, preset="fast").hands["left"]
+    assert any(LARGER in words for words in found.notes)
+    assert found.moved < 0.003
+    assert not found.evidence.any()
+    relied_on = denoise(boxed, preset="fast", trust_object=True).hands["left"]
+    assert any(MESH in words for words in relied_on.notes)
+    assert relied_on.moved > 0.01
+
+
+def test_a_mesh_is_relied_on_less_the_deeper_fingers_stay_in_it():
+    found = [DepthLeft(bones, 0.004).evidence for bones in (0.003, 0.0055, 0.008)]
+    assert found == pytest.approx([1.0, 0.5, 0.0])
+    assert list(DepthLeft(-0.02, 0.004).note()) == []
+    (partly,), (words,) = (DepthLeft(bones, 0.004).note() for bones in (0.0055, 0.01))
+    assert f"the fingers stay 4 mm deep in it: {LARGER}" in words
+    assert "is cleaned by the prior" in words
+    assert "is cleaned mostly by the prior" in partly
 
 
 def test_a_lasting_error_is_told_and_without_a_mesh_the_hand_keeps_its_place(held):

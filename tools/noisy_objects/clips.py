@@ -52,6 +52,8 @@ LARGE = "large "
 """The same clip with an object that is joined to a box, as to a piece of furniture."""
 BOX, BOX_AWAY = 1.0, 0.6
 """Sides of the box, and distance of its top below the object's middle in its frame, metres."""
+HULL, BOXED = "hull of ", "box of "
+"""The same clip with the convex hull of the object, or a box around it, for the object's mesh."""
 OFF, NEAR = 0.06, 0.015
 """Median over frames of the distance from its nearest keypoint to the object, metres, in clips
 `BESIDE` (at least) and `HOVERING`."""
@@ -189,6 +191,28 @@ def large(sequence: Sequence) -> Sequence:
     return replace(sequence, object=replace(sequence.object, meshes=(Mesh(verts, faces),)))
 
 
+def hull_of(sequence: Sequence) -> Sequence:
+    """A clip with the convex hull of the object for its mesh."""
+    return with_shape(sequence, solid_of(sequence).convex_hull)
+
+
+def box_of(sequence: Sequence) -> Sequence:
+    """A clip with a box around the object for its mesh."""
+    return with_shape(sequence, trimesh.creation.box(bounds=solid_of(sequence).bounds))
+
+
+def solid_of(sequence: Sequence) -> trimesh.Trimesh:
+    """The object's mesh, as trimesh has it."""
+    mesh = sequence.object.meshes[0]
+    return trimesh.Trimesh(mesh.verts.numpy(), mesh.faces.numpy(), process=False)
+
+
+def with_shape(sequence: Sequence, shape: trimesh.Trimesh) -> Sequence:
+    """A clip with another mesh of its object."""
+    verts, faces = torch.from_numpy(shape.vertices).float(), torch.from_numpy(shape.faces)
+    return replace(sequence, object=replace(sequence.object, meshes=(Mesh(verts, faces),)))
+
+
 CHANGES = {
     SHAKEN: shaken,
     BESIDE: beside,
@@ -196,6 +220,8 @@ CHANGES = {
     FILMED: filmed,
     TRACKED: tracked,
     LARGE: large,
+    HULL: hull_of,
+    BOXED: box_of,
 }
 
 

@@ -12,8 +12,10 @@ from geneoh.choices import NOISES, OBJECT_NOISES
 from tools.noisy_objects.cases import Case, Scores, rows
 from tools.noisy_objects.clips import (
     BESIDE,
+    BOXED,
     FILMED,
     HOVERING,
+    HULL,
     LARGE,
     MADE,
     RECORDING,
@@ -40,7 +42,10 @@ FILMED_CLIPS = tuple(
 )
 TRACKED_CLIPS = tuple(TRACKED + name for name in (RECORDING, "mug", "bottle", "pan"))
 FILMED_NOISES = ("clean", "gauss", "beta", "bias")
+LASTING_NOISES = (*FILMED_NOISES, "camera")
 LARGE_CLIPS = tuple(before + name for name in CLIPS for before in ("", LARGE))
+ENCLOSED = (*CLIPS, ROUND_SCANS[1])
+ENCLOSED_CLIPS = tuple(before + name for name in ENCLOSED for before in ("", HULL, BOXED))
 USUAL: dict[str, Any] = {"preset": "default"}
 Grid = tuple[Sequence[str], Sequence[Any], Sequence[Any], dict[str, Any]]
 GRIDS: dict[str, Grid] = {
@@ -58,7 +63,9 @@ GRIDS: dict[str, Grid] = {
     "filmed": (FILMED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
     "tracked": (TRACKED_CLIPS, FILMED_NOISES, ("exact", "shaky_2"), {}),
     "filmed_trusted": (FILMED_CLIPS, FILMED_NOISES, ("exact",), {"trusted": True}),
-    "large": (LARGE_CLIPS, ("clean", "gauss", "beta", "bias", "camera"), ("exact",), {}),
+    "large": (LARGE_CLIPS, LASTING_NOISES, ("exact",), {}),
+    "enclosed": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {}),
+    "enclosed_trusted": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {"trusted": True}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
     "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),
     "white": (CLIPS, ("gauss",), get_args(WhiteNoise), {}),
