@@ -10,8 +10,9 @@ from typing import Any
 from geneoh.batch.clips import FOR_NPZ, BatchClip
 from geneoh.errors import CheckpointError, GeneOHError
 from geneoh.files.atomic import make_folder
-from geneoh.files.fingerprints import fingerprint
+from geneoh.files.fingerprints import fingerprint, fingerprints
 from geneoh.files.outputs import keep_others, refuse_inputs
+from geneoh.files.reading import noted_reads
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.results import Denoised, save
@@ -61,14 +62,17 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
         try:
             if clip.problem:
                 raise GeneOHError(clip.problem)
-            reading = {**batch.reading, **clip.reading}
-            paths = {name: each for name, each in reading.items() if isinstance(each, Path)}
-            # the poses may be a folder of texts; of other folders the files that were read count
-            read = [
-                each for name, each in paths.items() if each.is_file() or name.endswith("_pose")
-            ]
-            inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
-            made = list(_cleaned(clip, batch))
+            options = with_settings(batch.options, clip.settings)
+            inputs = fingerprints([clip.path])  # before it is read
+            with noted_reads() as read:
+                recordings = sequences_of(clip, batch.reading, options.mano_dir)
+            inputs = fingerprints({clip.path, *read}) | inputs
+            made = []
+            for name, sequence in recordings:
+                place = batch.folder / f"{name}.npz"
+                refuse_inputs(place, place.resolve(), [clip.path])
+                keep_others(place)
+                made.append((f"{name}.npz", denoise(sequence, options)))
         except CheckpointError:
             raise
         except GeneOHError as error:
@@ -78,9 +82,6 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
             return CleaningOutcome(
                 clip.name, f"{clip.path}: unexpected {type(error).__name__}: {error}"
             )
-    for _, result in made:
-        meshes = [mesh.source for mesh in result.sequence.object.meshes if mesh.source is not None]
-        inputs |= {str(mesh): fingerprint(mesh) for mesh in meshes if mesh.is_file()}
     files = {}
     for name, result in made:
         make_folder((batch.folder / name).parent)
@@ -100,16 +101,6 @@ def without_warnings() -> Iterator[None]:
         yield
     finally:
         log.setLevel(before)
-
-
-def _cleaned(clip: BatchClip, batch: BatchOptions) -> Iterator[tuple[str, Denoised]]:
-    """Clean each recording of a clip; yields file names with results."""
-    options = with_settings(batch.options, clip.settings)
-    for name, sequence in sequences_of(clip, batch.reading, options.mano_dir):
-        place = batch.folder / f"{name}.npz"
-        refuse_inputs(place, place.resolve(), [clip.path])
-        keep_others(place)
-        yield f"{name}.npz", denoise(sequence, options)
 
 
 def sequences_of(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from glob import escape
 from hashlib import sha256
 from importlib import metadata
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from geneoh.errors import GeneOHError
-from geneoh.files.reading import read_bytes
+from geneoh.files.reading import refuse_missing, unreadable
 
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
 """Packages whose version can change a result."""
@@ -27,12 +28,25 @@ def package_versions(*more: str) -> dict[str, Any]:
 def fingerprint(path: Path) -> str:
     """Size and SHA-256 of a file, or of the names, sizes and times of the files that `files_at` a
     path finds. `InputError` where there are none."""
-    files = [] if path.is_file() else files_at(path)
+    if path.is_file():
+        return f"{path.stat().st_size} {_sha256(path)}"
+    files = files_at(path)
+    if not files:
+        refuse_missing(path)
     stats = [(str(each.relative_to(path.parent)), each.stat()) for each in files]
     data = repr([(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]).encode()
-    if not files and not path.is_dir():
-        data = read_bytes(path)
     return f"{len(data)} {sha256(data).hexdigest()}"
+
+
+def fingerprints(paths: Iterable[Path]) -> dict[str, str]:
+    """The fingerprint of each path, by path, except of those at another one."""
+    found: dict[str, str] = {}
+    known: set[Path] = set()
+    for path in sorted(paths):
+        if known.isdisjoint((path, *path.parents)):
+            found[str(path)] = fingerprint(path)
+            known |= {path, *files_at(path)}
+    return found
 
 
 def files_at(path: Path) -> list[Path]:
@@ -107,7 +121,17 @@ def are_as_recorded(
 
 
 def _sha256(file: Path) -> str:
-    """SHA-256 of a file of any size."""
+    """SHA-256 of a file of any size, read once as long as nothing is written to it."""
+    try:
+        stat = file.stat()
+        return _content(file, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+    except OSError as error:
+        raise unreadable(file, error) from None
+
+
+@lru_cache(maxsize=2**14)
+def _content(file: Path, *_: int) -> str:
+    """SHA-256 of a file; cached, because many clips share meshes and models of hands."""
     found = sha256()
     with file.open("rb") as opened:
         while block := opened.read(2**20):

@@ -1,4 +1,6 @@
-"""Read the bytes of foreign files, up to a limit; every failure is an `InputError`."""
+"""Read the bytes of foreign files, up to a limit; every failure is an `InputError`.
+
+`noted_reads` tells which files were read."""
 
 import csv
 import lzma
@@ -10,6 +12,8 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from itertools import chain
 from pathlib import Path
 from typing import TextIO
@@ -45,6 +49,25 @@ STAND_INS = (
 """Files that often stand in for the real one: their first bytes in lower case, and the words that
 describe them in a message."""
 
+_NOTED: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
+
+
+@contextmanager
+def noted_reads() -> Iterator[set[Path]]:
+    """The absolute paths of the files and folders that are read within the block."""
+    noted: set[Path] = set()
+    before = _NOTED.set(noted)
+    try:
+        yield noted
+    finally:
+        _NOTED.reset(before)
+
+
+def note_read(path: Path) -> None:
+    """Note that a file, or the list of files in a folder, is read; see `noted_reads`."""
+    if (noted := _NOTED.get()) is not None:
+        noted.add(path.absolute())
+
 
 def reason(error: Exception) -> str:
     """The text of an error of `DAMAGE`, shortened, with its type unless that is ValueError."""
@@ -65,6 +88,7 @@ def byte_budget() -> int:
 
 def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
     """The bytes of a file; `InputError` where it cannot be read, or is larger than `limit`."""
+    note_read(path)
     try:
         refuse_large(path, limit)
         data = path.read_bytes()
@@ -122,6 +146,7 @@ def refuse_missing(path: Path) -> None:
 
 def head_of(path: Path) -> bytes:
     """The first `HEAD_BYTES` bytes of a file; `InputError` where it cannot be read."""
+    note_read(path)
     try:
         with path.open("rb") as file:
             return file.read(HEAD_BYTES)

@@ -15,9 +15,9 @@ from jaxtyping import Shaped
 from geneoh.bundle import Bundle
 from geneoh.choices import OF_SOURCES, JointOrder, PoseFrame, Side, Translation, Unit
 from geneoh.errors import ConfigError, InputError
-from geneoh.files.reading import refuse_missing
+from geneoh.files.reading import note_read, refuse_missing
 from geneoh.geometry.mesh import Mesh
-from geneoh.hand.mano import AS_SHIPPED, ManoName, mano_folder
+from geneoh.hand.mano import AS_SHIPPED, ManoName, find_mano, mano_folder
 from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.records import Array, Notes, Record
@@ -77,7 +77,10 @@ class ReaderOptions:
 
     def mano(self, side: Side, left_hand: ManoName = AS_SHIPPED) -> Mano | None:
         """The user's MANO model of one side; None where no folder is known."""
-        return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
+        if self.mano_dir is None:
+            return None
+        note_read(find_mano(side, self.mano_dir))  # `read_mano` reads it once for all clips
+        return read_mano(self.mano_dir, side, left_hand)
 
 
 def place_of(given: Any, caller: str) -> Place:

@@ -4,7 +4,7 @@ A clip is skipped if its last record in `converted.jsonl` has the same options a
 output files named there are unchanged. An interrupted conversion therefore resumes.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
@@ -16,9 +16,10 @@ import numpy as np
 
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import make_folder, write_whole
-from geneoh.files.fingerprints import fingerprint, is_done
+from geneoh.files.fingerprints import fingerprint, fingerprints, is_done
 from geneoh.files.journal import CONVERTED, append_journal, begin_journal, only_run_in, read_journal
 from geneoh.files.outputs import check_outputs, keep_others
+from geneoh.files.reading import noted_reads
 from geneoh.geometry.mesh import Mesh, size_warning
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.checks.convention import contradictions
@@ -27,7 +28,6 @@ from geneoh.readers.npz.files import save_sequence
 from geneoh.readers.pose_matching import PoseTrack
 from geneoh.readers.recordings import check_recording, read_clip, refuse_unused
 from geneoh.readers.registry import Source
-from geneoh.sequence.sequence import Sequence
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,9 @@ def convert_clip(
     overwrite: bool,
 ) -> ConversionOutcome:
     """Convert one clip, all of its recordings or none; `described` is its entry in the journal."""
-    inputs = {} if folder is None else {str(clip.path): fingerprint(clip.path)}
-    recordings = read_clip(source, clip, options)
+    inputs = {} if folder is None else fingerprints([clip.path])  # before it is read
+    with noted_reads() as read:
+        recordings = read_clip(source, clip, options)
     found: list[str] = []
     for recording in recordings:
         if check:
@@ -134,7 +135,7 @@ def convert_clip(
         make_folder(place.parent)
     check_outputs(places, inputs=[clip.path], overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
-    inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
+    inputs = fingerprints({clip.path, *read}) | inputs
     made = {file: fingerprint(folder / file) for file in files}
     record = {"clip": clip.name, "asked": described, "inputs": inputs, "files": made}
     append_journal(folder / CONVERTED, [record])
@@ -172,13 +173,6 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
         if (folder / file).read_bytes() == text.encode():
             return file
     raise AssertionError("numbers do not end")
-
-
-def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
-    """The files from which the meshes of sequences were read."""
-    meshes = (mesh for sequence in sequences for mesh in sequence.object.meshes)
-    sources = (mesh.source for mesh in meshes if mesh.source is not None)
-    return {source.resolve() for source in sources if source.is_file()}
 
 
 def _records_before(folder: Path) -> dict[str, dict[str, Any]]:

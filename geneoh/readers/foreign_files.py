@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.files.reading import open_text, read_bytes
+from geneoh.files.reading import note_read, open_text, read_bytes
 from geneoh.files.values import read_values
 from geneoh.readers.nested_lists import Shape
 from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
@@ -171,6 +171,7 @@ def frame_number(path: Path) -> int:
 
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """The files of a folder that match a pattern, by the frame's number in their names."""
+    note_read(folder)
     return {frame_number(path): path for path in sorted(folder.glob(pattern))}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from geneoh.choices import Unit
 from geneoh.errors import InputError
+from geneoh.files.reading import note_read
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
 from geneoh.readers.clock import TIME_NAMES, is_column
@@ -112,6 +113,7 @@ def seen_poses(poses: Array, record: Record) -> Array:
 
 def poses_in_folder(folder: Path) -> PoseTrack:
     """The poses in the texts of a folder."""
+    note_read(folder)
     files = sorted(folder.glob("*.txt"))
     if not files:
         raise InputError(

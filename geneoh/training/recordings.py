@@ -19,6 +19,7 @@ from torch import Tensor
 from geneoh.config import Limited, Limits
 from geneoh.errors import GeneOHError, InputError
 from geneoh.files.fingerprints import are_as_recorded, by_path, files_at, records_of
+from geneoh.files.reading import noted_reads
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
@@ -29,7 +30,6 @@ from geneoh.hand.mano import mano_files
 from geneoh.objects.camera_motion import in_steady_world
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
-from geneoh.readers.convert import mesh_files
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named, with_distinct_names
@@ -74,7 +74,7 @@ class RecordedShard:
     config: ClipConfig
     files: dict[str, tuple[int, str]]
     """Size and SHA-256 of each file of the clip (by its path below the clip's folder), of the MANO
-    files (by name), and of the meshes (by absolute path)."""
+    files (by name), and of all others that were read (by absolute path)."""
     clips: tuple[ClipRecord, ...]
     left_out: dict[str, int]  # numbers of unused frames, by reason
 
@@ -168,7 +168,8 @@ def write_shard(
     """Cut the recordings of one clip of a source and write the shard atomically."""
     cuts: list[tuple[ClipRecord, dict[str, Tensor]]] = []
     left_out: Counter[str] = Counter()
-    recordings = read_recordings(source, clip, options)
+    with noted_reads() as read:
+        recordings = read_recordings(source, clip, options)
     for recording in recordings:
         parts = len(recording.sequence.object.meshes)
         if not 1 <= parts <= PARTS:
@@ -179,8 +180,7 @@ def write_shard(
             )
         for hand in normalised_hands(in_steady_world(recording.sequence)):
             cuts += cut_hand(recording, hand, config, left_out)
-    meshes = mesh_files(recording.sequence for recording in recordings)
-    files = records_of([*files_of(clip, options), *by_path(meshes)])
+    files = records_of(with_reads(files_of(clip, options), read))
     record = RecordedShard(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
@@ -273,6 +273,12 @@ def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]
     files = ((file.relative_to(base).as_posix(), file) for file in files_at(clip.path))
     kept = ((name, file) for name, file in files if file.suffix.lower() not in PICTURES)
     return [*kept, *((file.name, file) for file in models)]
+
+
+def with_reads(files: list[tuple[str, Path]], read: set[Path]) -> list[tuple[str, Path]]:
+    """Named files, and by path those that were read besides."""
+    known = {file.absolute() for _, file in files}
+    return [*files, *by_path(each for each in read - known if each.is_file())]
 
 
 def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> bool:

@@ -318,6 +318,28 @@ def test_a_changed_input_is_another_conversion(in_folder):
     assert keypoints(in_folder)
 
 
+@pytest.mark.parametrize(
+    ("source", "changed"),
+    [
+        ("arctic", "box_grab_01.object.npy"),
+        ("hoi4d", "3.pickle"),
+        ("fphab", "object_pose.txt"),
+        ("grab", "s1_rhand_betas.npy"),
+    ],
+)
+def test_a_changed_file_beside_a_clip_is_another_conversion(source, changed, tmp_path, mano_dir):
+    case = trees.case_of(source)
+    case.build(tmp_path / "in", scene(case.left), False)
+    known = ReaderOptions(mano_dir=mano_dir, **case.options(tmp_path / "in"))
+    (file, *_) = (tmp_path / "in").rglob(changed)
+    for skipped in (False, True):
+        (outcome,) = run(source, tmp_path / "in" / case.start, tmp_path / "out", known)
+        assert (outcome.skipped, outcome.problem) == (skipped, None)
+    file.write_bytes(file.read_bytes() + b"\n")
+    (outcome,) = run(source, tmp_path / "in" / case.start, tmp_path / "out", known)
+    assert not outcome.skipped
+
+
 def test_half_a_line_of_a_crash_is_no_hindrance(in_folder):
     (in_folder / "out").mkdir()
     (in_folder / "out/converted.jsonl").write_text('{"clip": "ha')

@@ -271,6 +271,24 @@ def test_a_shard_is_made_again_where_a_clip_of_a_file_for_each_frame_has_changed
     assert not read_shard(shard).wrist.equal(before)
 
 
+@pytest.mark.parametrize(
+    ("source", "changed"),
+    [("dexycb", "extrinsics.yml"), ("hoi4d", "3.pickle"), ("hocap", "subject_1.yaml")],
+)
+def test_a_shard_is_made_again_where_a_file_beside_its_clip_has_changed(source, changed, tmp_path):
+    case, data = case_of(source), tmp_path / "data"
+    case.build(data, scene(case.left, 9), False)
+    known = {"mano_dir": write_mano(tmp_path / "mano"), **case.options(data)}
+    times = []
+    for _ in ("first", "again", "changed"):
+        if len(times) == 2:
+            (file, *_) = data.rglob(changed)
+            file.write_bytes(file.read_bytes() + b"\n")
+        (shard, *_) = cut(source, data / case.start, tmp_path / "out", **known)
+        times.append(shard.stat().st_mtime_ns)
+    assert times[0] == times[1] != times[2]
+
+
 def test_what_cannot_be_read_is_told_and_the_rest_is_used(example, tmp_path):
     (example / "broken.npz").write_bytes(b"no archive")
     shards, problems = make_shards("sequences", example, tmp_path / "out", SHORT, ReaderOptions())

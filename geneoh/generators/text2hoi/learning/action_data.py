@@ -16,21 +16,21 @@ from torch import Tensor
 from geneoh.bundle import concatenated
 from geneoh.choices import ANNOTATED, AnnotatedSource
 from geneoh.errors import ConfigError, InputError
-from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
+from geneoh.files.fingerprints import are_as_recorded, records_of
+from geneoh.files.reading import noted_reads
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, Surface, action_of
 from geneoh.generators.text2hoi.learning.samples import ActionData
 from geneoh.generators.text2hoi.sentences.annotation import has_labels, label_files, labels_of
 from geneoh.progress import OnProgress, OnStep
 from geneoh.readers.base import ReaderOptions, SourceClip
-from geneoh.readers.convert import mesh_files
 from geneoh.readers.dataset_reader import frames_to_keep
 from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
 from geneoh.synthesis.actions.action import Actions
 from geneoh.training.data import Learned, TrainingData, made_data
-from geneoh.training.recordings import files_of, written_shards
+from geneoh.training.recordings import files_of, with_reads, written_shards
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
@@ -190,28 +190,23 @@ class Recordings:
         found: list[Actions] = []
         labels: list[dict[str, str]] = []
         left_out: Counter[str] = Counter()
-        meshes = set[Path]()
-        for action, label in self.cut(clip, meshes):
-            if isinstance(action, str):
-                left_out[action] += 1
-            else:
-                found.append(action)
-                labels.append(label)
+        with noted_reads() as read:
+            for action, label in self.cut(clip):
+                if isinstance(action, str):
+                    left_out[action] += 1
+                else:
+                    found.append(action)
+                    labels.append(label)
         tensors = vars(concatenated(found, "B")) if found else {}
         record = self.wanted | {
-            "files": records_of([*self.files(clip), *by_path(meshes)]),
+            "files": records_of(with_reads(self.files(clip), read)),
             "labels": labels,
             "left_out": dict(left_out),
         }
         write_tensors(shard, {n: t.contiguous() for n, t in tensors.items()}, record, parents=True)
 
-    def cut(
-        self, clip: SourceClip, meshes: set[Path]
-    ) -> Iterator[tuple[Actions | str, dict[str, str]]]:
-        """Each labelled stretch of a recording as an action, or the reason why it is not used.
-
-        The files of the objects' meshes are added to `meshes`.
-        """
+    def cut(self, clip: SourceClip) -> Iterator[tuple[Actions | str, dict[str, str]]]:
+        """Each labelled stretch of a recording as an action, or the reason why it is not used."""
         labels = labels_of(self.source, clip)
         reader = source_named(self.source).reader()
         for parts in reader.parts(clip, self.options) if labels else ():
@@ -220,7 +215,6 @@ class Recordings:
             if not of_object or parts.motion is None:
                 continue
             sequence = reader.whole(parts, clip, self.options)[0].sequence
-            meshes |= mesh_files([sequence])
             key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
             if key not in self.surfaces:
                 self.surfaces[key] = Surface.of(sequence.object.meshes, self.config.points)
