@@ -52,7 +52,8 @@ def clean_batch(
 
     Raises:
         ConfigError: the folder holds results that were made with other settings.
-        InputError: another run works in the folder, or it cannot be written to.
+        InputError: another run works in the folder, it holds the result of another clip of the
+            same name, or it cannot be written to.
     """
     batch.options.resolved()
     path, settings = batch.folder / journal.CLEANED, _settings_of(batch)
@@ -92,7 +93,7 @@ def _records_before(
     """The journal's records by clip name, with those of clips that only earlier runs had.
 
     Clips that must be cleaned get a new record with the state `left`. `ConfigError` if clips were
-    done with other settings.
+    done with other settings, `InputError` if a clip has the name of another one that was done.
     """
     path = batch.folder / journal.CLEANED
     keep_others(path)
@@ -109,6 +110,7 @@ def _records_before(
     for clip in clips:
         described = clip.described()
         record = known.pop(clip.name, {})
+        journal.refuse_namesake(record, clip.path, batch.folder)
         if record.get("state") != "done" or not is_done(record, described, batch.folder):
             record = {"clip": clip.name, "state": "left", "asked": described}
         known[clip.name] = record  # after the records of other clips, in the order of `clips`

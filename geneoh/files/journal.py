@@ -55,6 +55,18 @@ def results_in(folder: Path, name: str) -> set[Path]:
     return {(folder / file).resolve() for record in records for file in record.get("files", ())}
 
 
+def refuse_namesake(record: Record, path: Path, folder: Path) -> None:
+    """`InputError` where a folder has a result of another clip than that at `path` under its name;
+    `record` is the last one of the name."""
+    other = record.get("asked", {}).get("path", path)
+    there = any((folder / file).is_file() for file in record.get("files", ()))
+    if there and Path(other).resolve() != path.resolve():
+        raise InputError(
+            f"{path}: its name '{record['clip']}' is that of the result of {other} in {folder}; "
+            "name another folder, or remove that result"
+        )
+
+
 def begin_journal(path: Path, records: Iterable[Record]) -> None:
     """Write a new journal in one step, in place of an old one; makes its folder."""
     write_whole(path, "".join(json_text(record) + "\n" for record in records), parents=True)

@@ -17,7 +17,14 @@ import numpy as np
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.fingerprints import fingerprint, fingerprints, is_done
-from geneoh.files.journal import CONVERTED, append_journal, begin_journal, only_run_in, read_journal
+from geneoh.files.journal import (
+    CONVERTED,
+    append_journal,
+    begin_journal,
+    only_run_in,
+    read_journal,
+    refuse_namesake,
+)
 from geneoh.files.outputs import check_outputs, keep_others
 from geneoh.files.reading import noted_reads
 from geneoh.geometry.mesh import Mesh, size_warning
@@ -70,7 +77,7 @@ def convert(
     """
     refuse_unused(source, options)
     with nullcontext() if folder is None else only_run_in(folder):
-        known = {} if folder is None else _records_before(folder)
+        known = {} if folder is None else _records_before(clips, folder)
         for clip in clips:
             described = _described(source, clip, options)
             record = known.get(clip.name, {})
@@ -175,11 +182,16 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
     raise AssertionError("numbers do not end")
 
 
-def _records_before(folder: Path) -> dict[str, dict[str, Any]]:
-    """The last record of each clip in a folder's journal; all other lines of it are removed."""
+def _records_before(clips: list[SourceClip], folder: Path) -> dict[str, dict[str, Any]]:
+    """The last record of each clip in a folder's journal; all other lines of it are removed.
+
+    `InputError` if one of `clips` has the name of another one that was converted.
+    """
     path = folder / CONVERTED
     keep_others(path)
     records = {str(record.get("clip")): record for record in read_journal(path)}
+    for clip in clips:
+        refuse_namesake(records.get(clip.name, {}), clip.path, folder)
     if path.is_file():
         begin_journal(path, records.values())
     return records

@@ -197,6 +197,16 @@ def test_other_settings_may_follow_a_run_that_cleaned_nothing(clips, clean):
     assert clean(clips, reading={"side": "right", "fps": 60.0}).failed == []
 
 
+def test_a_clip_does_not_replace_the_result_of_another_one_of_its_name(clips, clean, tmp_path):
+    clean(clips / "clip0.npz")
+    before = results(tmp_path / "out")
+    fake_cleaning.write_clips(clips / "new", 1)
+    with pytest.raises(InputError, match=r"its name 'clip0' is that of the result of .*/clip0.npz"):
+        clean(clips / "new" / "clip0.npz")
+    assert results(tmp_path / "out") == before
+    assert clean(clips / "new" / ".." / "clip0.npz").failed == []
+
+
 def test_a_second_run_in_a_folder_is_refused(clips, clean, tmp_path):
     with only_run_in(tmp_path / "out"), pytest.raises(InputError, match="another run is working"):
         clean(clips)

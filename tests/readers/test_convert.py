@@ -1,5 +1,6 @@
 """Whole data sets into sequences: what cannot be read is told, and the rest goes on."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -340,6 +341,21 @@ def test_a_changed_file_beside_a_clip_is_another_conversion(source, changed, tmp
     assert not outcome.skipped
 
 
+def test_a_clip_does_not_replace_the_result_of_another_one_of_its_name(tmp_path):
+    out, known = tmp_path / "out", ReaderOptions(side="right")
+    for place in ("one", "other"):
+        (tmp_path / place / "day").mkdir(parents=True)
+        np.save(tmp_path / place / "day/hand.npy", scene().joints["right"])
+    (first,) = run("keypoints", tmp_path / "one/day", out, known)
+    before = (out / first.files[0]).read_bytes()
+    with pytest.raises(InputError, match=r"is that of the result of .*/one/day/hand.npy in "):
+        run("keypoints", tmp_path / "other/day", out, known)
+    assert (out / first.files[0]).read_bytes() == before
+    (out / first.files[0]).unlink()
+    (second,) = run("keypoints", tmp_path / "other/day", out, known)
+    assert second.files == first.files
+
+
 def test_half_a_line_of_a_crash_is_no_hindrance(in_folder):
     (in_folder / "out").mkdir()
     (in_folder / "out/converted.jsonl").write_text('{"clip": "ha')
@@ -364,9 +380,10 @@ def test_two_conversions_do_not_share_a_folder(in_folder):
 def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):
     s = scene()
     known, out = ReaderOptions(mano_dir=mano_dir), tmp_path / "out"
-    for name, size in (("first", 1.0), ("second", 1.5)):
-        grab(tmp_path / name, replace(s, verts=size * s.verts), False)
-        run("grab", tmp_path / name / "grab", out, known)
+    for size in (1.0, 1.5):
+        shutil.rmtree(tmp_path / "in", ignore_errors=True)
+        grab(tmp_path / "in", replace(s, verts=size * s.verts), False)
+        run("grab", tmp_path / "in/grab", out, known)
     with np.load(out / "s1/mug_drink_1.npz") as arrays:
         (file,) = arrays["object_files"].tolist()
     assert file == "../objects/grab_mug_2.obj"
