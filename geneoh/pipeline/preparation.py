@@ -28,6 +28,10 @@ OF_OTHER_POSES = (
     "measures are against the cleaned poses of the object; a page measures against the poses in "
     "the file, which are the input's (--refine-object writes clean ones)"
 )
+OF_SHIFTED_HANDS = (
+    "measures, those of the input too, are of the hands after --hand-delay; a page draws and "
+    "measures the input as it was given"
+)
 MOVING_CAMERA = (
     "the camera moves: its motion was removed before the hand was cleaned, by the object while no "
     "hand moves with it, and accelerations are measured without it"
@@ -86,6 +90,8 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
     if not motion.meshes or not motion.is_seen:
         motion, chosen = replace(motion, meshes=()), chosen.alone()
         notes += [NO_OBJECT, *idle_options(options)]
+    elif options.hand_delay:
+        notes.append(OF_SHIFTED_HANDS)
     notes += filled_poses(motion) if chosen.has_object else ()
     ready = Examined(sequence.hands, motion, torch.ones(motion.rotation.shape[:2]))
     if chosen.clean_object:

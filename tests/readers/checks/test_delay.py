@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.preparation import OF_SHIFTED_HANDS
 from geneoh.readers.checks.convention import doubts
 from geneoh.readers.checks.delay import hand_delay
 from geneoh.readers.npz.files import load
@@ -63,7 +64,9 @@ def test_a_delay_is_told_and_its_option_mends_it(recording):
     words += "give it the object's poses of its own time (--hand-delay 3, unless"
     assert any(words in said for said in doubts(late, "late"))
     truth = recording.hands[0].joints
-    mended = denoise(late, preset="fast", hand_delay=3).sequence
+    result = denoise(late, preset="fast", hand_delay=3)
+    assert OF_SHIFTED_HANDS in result.notes
+    mended = result.sequence
     given, cleaned = (s.hands[0].joints - truth for s in (late, mended))
     assert given.norm(dim=-1).mean() > 0.018
     assert cleaned.norm(dim=-1).mean() < 0.005
