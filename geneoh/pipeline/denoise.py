@@ -126,11 +126,13 @@ def cleaned(
     for words in doubtful:
         tell("%s: %s", name, words)
     if len(shots) < 2:
-        result = clean_interaction(sequence, options, on_progress)
+        result = clean_interaction(sequence, options, on_progress, stored=given.object)
     else:
         alike = with_one_shape(sequence, options)
-        each = (shot_of(alike, shot) for shot in shots)
-        parts = [clean_interaction(shot, options, on_progress) for shot in each]
+        parts = [
+            clean_interaction(shot_of(alike, shot), options, on_progress, stored=given.object[shot])
+            for shot in shots
+        ]
         result = joined_shots(parts, shots)
     if camera is not None:
         result = result.seen_from(camera, given)
@@ -155,10 +157,15 @@ def with_one_shape(sequence: Sequence, options: Options) -> Sequence:
 
 
 def clean_interaction(
-    sequence: Sequence, options: Options, on_progress: OnProgress | None = None
+    sequence: Sequence,
+    options: Options,
+    on_progress: OnProgress | None = None,
+    *,
+    stored: ObjectTrack | None = None,
 ) -> Denoised:
-    """Clean a sequence that has been checked; see `denoise`."""
-    ready = prepared(sequence, options)
+    """Clean a sequence that has been checked; see `denoise`. Missing poses are told of `stored`,
+    the object as it was given, where repeated poses were taken out of that of the sequence."""
+    ready = prepared(sequence, options, stored or sequence.object)
     chosen, examination = ready.preset, ready.examined.examination
     denoisers = load_denoisers(options.weights, device=options.device, paper=not chosen.observed)
     noise = None if examination is None else examination.white_noise

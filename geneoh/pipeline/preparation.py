@@ -16,7 +16,7 @@ from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.placing import in_world, placed, placed_hand
 from geneoh.sequence.repeats import repeated_poses, without_repeats
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 
 NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
@@ -83,8 +83,8 @@ class Prepared:
         )
 
 
-def prepared(sequence: Sequence, options: Options) -> Prepared:
-    """A checked sequence as the stages see it."""
+def prepared(sequence: Sequence, options: Options, stored: ObjectTrack) -> Prepared:
+    """A checked sequence as the stages see it; `stored` has the object's poses that were given."""
     chosen, motion = options.resolved(), sequence.object
     notes = [sequence.left_out] if sequence.left_out else []
     if not motion.meshes or not motion.is_seen:
@@ -92,7 +92,7 @@ def prepared(sequence: Sequence, options: Options) -> Prepared:
         notes += [NO_OBJECT, *idle_options(options)]
     elif options.hand_delay:
         notes.append(OF_SHIFTED_HANDS)
-    notes += filled_poses(motion) if chosen.has_object else ()
+    notes += filled_poses(stored) if chosen.has_object else ()
     ready = Examined(sequence.hands, motion, torch.ones(motion.rotation.shape[:2]))
     if chosen.clean_object:
         ready = examined(sequence.hands, motion, sequence.fps, options.refine_object)

@@ -435,6 +435,7 @@ def test_poses_of_an_object_that_repeat_in_the_frame_of_the_camera_count_as_miss
     )
     wanted, found = denoise(still, FAST), denoise(turning, FAST)
     assert any("repeats the one before" in note for note in found.notes)
+    assert not any("without a pose" in note for note in found.notes)
     assert OF_OTHER_POSES in found.notes
     assert not any("the pose of the object shakes" in note for note in found.notes)
     off = (in_the_world(found.sequence) - joints_of(wanted.sequence)).norm(dim=-1)

@@ -126,7 +126,7 @@ def test_a_shot_whose_hand_has_another_size_is_told_as_one_of_a_video(video):
 
 
 def test_the_form_of_the_paper_keeps_one_shape_and_tells_of_cuts(video, monkeypatch):
-    def as_given(sequence, options, _):
+    def as_given(sequence, options, _, **others):
         return Denoised(sequence, {}, (), options)
 
     monkeypatch.setattr("geneoh.pipeline.denoise.clean_interaction", as_given)
