@@ -6,6 +6,7 @@ import logging
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -66,6 +67,24 @@ def ends() -> tuple[BinaryIO, BinaryIO]:
     return sys.stdin.buffer, sys.stdout.buffer
 
 
+@contextmanager
+def without_echoes() -> Iterator[None]:
+    """Log once what the streams of two hands both say of their object."""
+    said: set[str] = set()
+
+    def is_new(record: logging.LogRecord) -> bool:
+        words = record.getMessage()
+        return not (words in said or said.add(words))
+
+    log = logging.getLogger(Stream.__module__)
+    log.addFilter(is_new)
+    try:
+        yield
+    finally:
+        log.removeFilter(is_new)
+
+
+@without_echoes()
 def clean_frames(
     source: BinaryIO, sink: BinaryIO, begin: Callable[..., Stream], side: Side | None, fps: float
 ) -> None:

@@ -234,6 +234,15 @@ def test_a_doubt_is_one_warning_and_no_frame_is_lost(stream, lines, caplog):
     assert said.startswith("standard input: no pose of the object in the first 12 frames")
 
 
+def test_a_doubt_about_the_object_of_two_hands_is_one_warning(stream, lines, caplog):
+    for frame, line in enumerate(lines):
+        line["left_joints"] = line["right_joints"]
+        line["object_translation"] = [[0.01 * (frame // 2), 0.0, 0.0]]
+    stream(lines, "--obj", "object.obj")
+    said = [record.getMessage() for record in caplog.records]
+    assert len([words for words in said if "repeats the one before" in words]) == 1
+
+
 def test_null_within_numbers_and_an_empty_list_are_what_was_lost(stream, lines):
     lines[2]["right_joints"] = [[None] * 3] * 21
     lines[3]["right_joints"][8] = [None] * 3
