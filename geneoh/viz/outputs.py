@@ -163,7 +163,8 @@ def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> Path:
                 for hand in scene.versions[-1].hands
                 if bool(hand.valid[frame])
             ]
-            for part, mesh in enumerate(scene.object.meshes):
+            for part in scene.parts:
+                mesh = scene.object.meshes[part]
                 name = scene.part_name(part).replace(" ", "")
                 surfaces.append((name, scene.object_verts(part, frame), mesh.faces))
             for name, verts, faces in surfaces:

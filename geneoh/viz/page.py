@@ -143,7 +143,7 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
         },
         "bones": KEYPOINT_PARENTS,
         "filled": [] if scene.filled is None else scene.filled.int().tolist(),
-        "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
+        "parts": [_part(scene, part, packed) for part in scene.parts],
         "versions": [_version(version, scene, box, packed) for version in scene.versions],
         "samples": {
             side: packed.add(box.steps(drawn[:MOST_SAMPLES].transpose(0, 1)), over_frames=True)

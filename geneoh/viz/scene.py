@@ -128,6 +128,11 @@ class Scene:
         hands = tuple(HandTrack(h.side, h.valid, h.joints) for h in self.versions[-1].hands)
         return cuts_in(Sequence(hands, self.object, self.fps))
 
+    @property
+    def parts(self) -> list[int]:
+        """The parts of the object to draw: those that were ever seen."""
+        return self.object.seen_parts if self.object.meshes else []
+
     @cached_property
     def sharp_parts(self) -> tuple[Mesh, ...]:
         """The parts of the object with their vertices doubled along sharp edges."""
@@ -179,9 +184,10 @@ class Scene:
         return self.part_pose(part, frame).apply(self.object.meshes[part].verts)
 
     def drawn_object(self, frame: int) -> DrawnSurface | None:
-        """All parts of the object in a frame as one surface of one colour; None without a mesh."""
+        """The `parts` of the object in a frame as one surface; None without any."""
         surfaces = []
-        for part, mesh in enumerate(self.sharp_parts):
+        for part in self.parts:
+            mesh = self.sharp_parts[part]
             verts = self.part_pose(part, frame).apply(mesh.verts).detach().numpy()
             colours = np.broadcast_to(
                 np.array(self.part_colour(part), dtype=np.float32), verts.shape
@@ -299,4 +305,5 @@ def with_parts_behind(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
         (*motion.meshes, *more.meshes),
         torch.cat([motion.rotation[:, :own], more.rotation], dim=1),
         torch.cat([motion.translation[:, :own], more.translation], dim=1),
+        torch.cat([motion.observed[:, :own], more.observed], dim=1),
     )

@@ -186,7 +186,8 @@ class Gallery:
         scene, shapes, root = self._scene, self._server.scene, f"/version{index}"
         aside = VERSION_SPACING * index * self._camera.axes[0]
         shapes.add_frame(root, show_axes=False, position=aside)
-        for part, mesh in enumerate(scene.object.meshes):
+        for part in scene.parts:
+            mesh = scene.object.meshes[part]
             shape = (f"{root}/object{part}", mesh.verts.numpy(), mesh.faces.numpy())
             node = shapes.add_mesh_simple(*shape, color=scene.part_colour(part), opacity=0.55)
             quat_wxyz, translation = scene.part_motion(part)

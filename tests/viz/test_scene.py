@@ -50,6 +50,18 @@ def test_a_left_hand_is_the_mirror_image_of_the_right_one(scene):
     assert left.model.faces.equal(right.model.faces[:, [0, 2, 1]])
 
 
+def test_a_part_in_no_frame_is_not_drawn(scene, track, tmp_path):
+    whole = replace_hands(scene, track)
+    valid = torch.ones(whole.object.rotation.shape[:2], dtype=torch.bool)
+    valid[:, 0] = False
+    shown = make_scene({"box": replace(whole, object=replace(whole.object, valid=valid))})
+    assert len(shown.drawn_object(0).verts) == len(shown.sharp_parts[1].verts)
+    write(shown, tmp_path / "box.html")
+    assert len(page_scene(tmp_path / "box.html")["parts"]) == 1
+    files = write(shown, tmp_path / "box.ply").iterdir()
+    assert {file.name.split("_")[0] for file in files} == {"right", "object2"}
+
+
 def test_a_hand_in_no_frame_is_not_shown(scene, track):
     unseen = replace(track.mirrored(), valid=torch.zeros_like(track.valid))
     whole = replace_hands(scene, track)
