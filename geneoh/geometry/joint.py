@@ -1,7 +1,7 @@
 """Joints of objects of two parts: the second part turns about a hinge of the first, or slides."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -68,6 +68,16 @@ class Joint:
     def in_unit(self, state: float) -> str:
         """A state in degrees or centimetres, without the unit."""
         return f"{state / UNITS[self.kind]:.3g}"
+
+    def with_unit_axis(self) -> "Joint":
+        """The joint with an axis of unit length; `InputError` where its axis has no direction."""
+        axis = self.axis.double()
+        if not 0 < float(axis.norm()) < math.inf:
+            raise InputError(
+                f"joint: expected an axis with a direction, got {self.axis.tolist()}; name the "
+                f"direction in which the part {'slides' if self.slides else 'turns'}"
+            )
+        return replace(self, axis=(axis / axis.norm()).float())
 
     def pose(self, states: Float[Tensor, " T"]) -> Rigid:
         """The poses (T) of the second part in the frame of the first one."""

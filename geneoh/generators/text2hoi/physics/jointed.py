@@ -131,11 +131,12 @@ def joined(meshes: tuple[Mesh, ...]) -> Mesh:
 
 
 def asked_joint(meshes: tuple[Mesh, ...], joint: Joint | str | None) -> Joint | None:
-    """The joint that was passed for the meshes, parsed; None if there is none.
+    """The joint that was passed for the meshes, parsed; None if there is none. The axis of a
+    `Joint` may have any length.
 
     Raises:
-        InputError: there are more than two meshes or none, there is a joint but a single mesh, or
-            the text of the joint is invalid.
+        InputError: there are more than two meshes or none, there is a joint but a single mesh, the
+            text of the joint is invalid, or its axis has no direction.
         ConfigError: `joint` is neither a text nor a `Joint`.
     """
     if len(meshes) not in (1, 2):
@@ -148,8 +149,10 @@ def asked_joint(meshes: tuple[Mesh, ...], joint: Joint | str | None) -> Joint | 
             "a joint is of an object of two parts, got one mesh; give each part as a mesh, the "
             "first part first, or leave the joint out"
         )
-    if joint is None or isinstance(joint, Joint):
-        return joint
+    if joint is None:
+        return None
+    if isinstance(joint, Joint):
+        return joint.with_unit_axis()
     if not isinstance(joint, str):
         raise ConfigError(f"joint must be a text or a Joint, got {type(joint).__name__}")
     return Joint.read(joint)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 from draws import seeded
@@ -77,7 +79,11 @@ def test_meshes_and_joints_that_do_not_fit_are_refused(count, joint, said):
 def test_a_joint_may_be_a_text_or_a_joint_and_nothing_else():
     meshes = box_with_lid()
     assert str(asked_joint(meshes, HINGE)) == HINGE
-    assert asked_joint(meshes, Joint.read(HINGE)) is not None
+    joint = Joint.read(HINGE)
+    twice = asked_joint(meshes, replace(joint, axis=2 * joint.axis))
+    assert str(twice) == str(asked_joint(meshes, joint)) == HINGE
+    with pytest.raises(InputError, match="expected an axis with a direction"):
+        asked_joint(meshes, replace(joint, axis=torch.zeros(3)))
     assert asked_joint(meshes, None) is None
     with pytest.raises(ConfigError, match="must be a text or a Joint, got int"):
         asked_joint(meshes, 3)  # type: ignore[arg-type]
