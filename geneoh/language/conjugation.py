@@ -9,7 +9,7 @@ _DOUBLED = frozenset({"transfer", "uncap", "unplug", "unwrap", "unzip"})
 _IRREGULAR = """
     beat beaten, bend bent, bite bitten, break broken, bring brought, catch caught, cut cut,
     draw drawn, drink drunk, drive driven, eat eaten, feel felt, fight fought, fling flung,
-    fly flown, give given, go gone, grind ground, hang hung, hit hit, hold held, keep kept,
+    fly flown, get got, give given, go gone, grind ground, hang hung, hit hit, hold held, keep kept,
     lay laid, let let, make made, put put, read read, ring rung, rise risen, say said, see seen,
     set set, sew sewn, shake shaken, show shown, shut shut, slide slid, spin spun, split split,
     spread spread, stand stood, strike struck, sweep swept, swing swung, take taken, tear torn,
@@ -17,6 +17,13 @@ _IRREGULAR = """
 """
 _PARTICIPLES: dict[str, str] = dict(re.findall(r"(\w+) (\w+)", _IRREGULAR))
 """Past participles that no rule gives."""
+_OTHER_PAST = """
+    beat beat, bite bit, break broke, draw drew, drink drank, drive drove, eat ate, fly flew,
+    give gave, go went, ring rang, rise rose, see saw, sew sewed, shake shook, show showed,
+    take took, tear tore, throw threw, wear wore, write wrote
+"""
+_PASTS: dict[str, str] = dict(re.findall(r"(\w+) (\w+)", _OTHER_PAST))
+"""Simple pasts that are other words than the past participle."""
 
 
 def gerund(verb: str) -> str:
@@ -51,6 +58,13 @@ def participle(verb: str) -> str:
 def forms(verb: str) -> tuple[str, str, str, str]:
     """The verb itself, third person, gerund and past participle."""
     return verb, third_person(verb), gerund(verb), participle(verb)
+
+
+def all_forms(verb: str) -> tuple[str, str, str, str, str]:
+    """The `forms`, and the simple past: "shook" of "shake"."""
+    word, rest = _split(verb)
+    past = f"{_PASTS[word]}{rest}" if word in _PASTS else participle(verb)
+    return *forms(verb), past
 
 
 def _split(verb: str) -> tuple[str, str]:

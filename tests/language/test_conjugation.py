@@ -1,6 +1,6 @@
 import pytest
 
-from geneoh.language.conjugation import forms
+from geneoh.language.conjugation import all_forms, forms
 
 
 @pytest.mark.parametrize(
@@ -39,3 +39,11 @@ from geneoh.language.conjugation import forms
 def test_forms_of_a_verb(said):
     verb, *_ = said.split(", ")
     assert ", ".join(forms(verb)) == said
+
+
+@pytest.mark.parametrize(
+    ("verb", "past"),
+    [("shake", "shook"), ("take out", "took out"), ("hold", "held"), ("pour from", "poured from")],
+)
+def test_the_simple_past_may_be_another_word_than_the_participle(verb, past):
+    assert all_forms(verb) == (*forms(verb), past)

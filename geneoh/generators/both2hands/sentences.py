@@ -10,7 +10,7 @@ from geneoh.generators.text import words_of
 from geneoh.generators.text2hoi.sentences import prompt
 from geneoh.generators.text2hoi.sentences.negation import rules_out, without_ruled_out
 from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS
-from geneoh.language.conjugation import forms
+from geneoh.language.conjugation import all_forms
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
@@ -43,7 +43,9 @@ def check_sentence(sentence: str) -> None:
 def known_gesture_words() -> frozenset[str]:
     """Words for what hands do: those of synthetic gestures, of bodies, and of objects."""
     phrases = said_of_gestures()
-    verbs = [form for phrase in phrases for part in phrase.split(" and ") for form in forms(part)]
+    verbs = [
+        form for phrase in phrases for part in phrase.split(" and ") for form in all_forms(part)
+    ]
     return prompt.known_words().union(BODY_WORDS.split(), " ".join(verbs).split())
 
 
@@ -114,4 +116,4 @@ def unknown_words(sentence: str) -> str:
 def _verbs() -> dict[str, str]:
     """The base form of each inflected verb of synthetic gestures."""
     verbs = {phrase.split()[0] for phrase in said_of_gestures()}
-    return {form: verb for verb in sorted(verbs) for form in forms(verb)}
+    return {form: verb for verb in sorted(verbs) for form in all_forms(verb)}

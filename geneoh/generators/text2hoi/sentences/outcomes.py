@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from geneoh.language.conjugation import forms
+from geneoh.language.conjugation import all_forms, participle
 from geneoh.language.vocabulary import VERB_WORDS
 
 DETERMINERS = ("a", "an", "the", "this", "that", "my", "your", "his", "her", "its", "our", "their")
@@ -17,18 +17,20 @@ _MOVE = (
     *("kick", "slam", "bang", "pry", "prise", "crank", "nudge", "ease", "yank", "tug", "take"),
     *("get", "move", "bring", "fold", *_REMOVE, *_ATTACH, *_TURN),
 )
-_FORMS = {form: number for verb in _MOVE for number, form in reversed([*enumerate(forms(verb))])}
+_FORMS = {
+    form: number for verb in _MOVE for number, form in reversed([*enumerate(all_forms(verb))])
+}
 """The inflected form that a word is; of those that look alike ("put") the first."""
 
 
 def _any_of(verbs: Sequence[str]) -> str:
     """A pattern for all forms of some verbs, as the group `verb`."""
-    return rf"\b(?P<verb>{'|'.join(form for verb in verbs for form in forms(verb))})\b"
+    return rf"\b(?P<verb>{'|'.join(form for verb in verbs for form in all_forms(verb))})\b"
 
 
 def _done_to_lid(verbs: Sequence[str]) -> str:
     """A pattern for a lid and some verbs in the passive: "the lid of the jar is being taken"."""
-    past = "|".join(forms(verb)[3] for verb in verbs)
+    past = "|".join(map(participle, verbs))
     return rf"(?P<before>\b{_LIDS}(?: (?:of|on)(?: [\w']+){{1,3}}?)?{_BE}) (?P<verb>{past})\b"
 
 
@@ -97,10 +99,10 @@ def _with_outcome(match: re.Match[str], verb: str) -> str:
         verb = "open" if outcome.startswith("open") else "close"
         listed = (phrase.split() for phrase in VERB_WORDS[verb])
         if "outcome" in said and any(
-            moves in forms(first) and rest == [outcome] for first, *rest in listed
+            moves in all_forms(first) and rest == [outcome] for first, *rest in listed
         ):
             return match[0]
     if "before" in said:
-        return f"{said['before']} {forms(verb)[-1]}"
-    form, hand = forms(verb)[_FORMS[moves]], said.get("hand", "")
+        return f"{said['before']} {participle(verb)}"
+    form, hand = all_forms(verb)[_FORMS[moves]], said.get("hand", "")
     return f"{hand} {form}".strip() if follows else f"{form}{said['thing']}{hand}"

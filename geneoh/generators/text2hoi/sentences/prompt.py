@@ -21,7 +21,7 @@ from geneoh.generators.text2hoi.sentences.english import OTHER_VERBS, READ_AS, S
 from geneoh.generators.text2hoi.sentences.negation import no_hand_in, rules_out, without_ruled_out
 from geneoh.generators.text2hoi.sentences.outcomes import DETERMINERS, outcomes_as_verbs
 from geneoh.generators.text2hoi.sentences.passing import MY, asked_giver
-from geneoh.language.conjugation import forms
+from geneoh.language.conjugation import all_forms, forms
 from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
 from geneoh.synthesis.actions.action import VERBS
 
@@ -257,7 +257,7 @@ def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
     """All inflected verb phrases by their first word, longest first, each with its verb."""
     found: dict[str, list[tuple[str, str]]] = {}
     for verb, words in _VERB_WORDS.items():
-        for phrase in (form for word in (*words, verb) for form in forms(word)):
+        for phrase in (form for word in (*words, verb) for form in all_forms(word)):
             if phrase not in ("hand", "hands"):  # the hand that acts, nearly always
                 found.setdefault(phrase.split()[0], []).append((phrase, verb))
     return {first: tuple(sorted(f, key=lambda each: -len(each[0]))) for first, f in found.items()}

@@ -20,6 +20,8 @@ from geneoh.generators.text2hoi.sentences.prompt import named_verbs, read_prompt
         ("shake the bottle with two hands", "shake", "both hands"),
         ("inspect the toy from both sides with the left hand", "inspect", "left hand"),
         ("the left hand holds the jar while the right hand opens it", "open", "both hands"),
+        ("he shook the bottle with the right hand", "shake", "right hand"),
+        ("she gave the cup from the left hand to the right hand", "pass", "both hands"),
     ],
 )
 def test_verb_and_hands_of_plain_sentences(sentence, verb, hands):
@@ -94,6 +96,7 @@ def test_phrases_for_open_and_close_that_are_learned_stay(said):
         ("screw the lid off", "open", "rotate"),
         ("twist the cap off with the left hand", "open", "rotate"),
         ("take off the lid", "open", "carry"),
+        ("he took off the lid", "open", "carry"),
         ("lift the lid off the pot", "open", "lift"),
         ("unscrew the cap of the bottle", "open", "rotate"),
         ("the left hand removes the lid", "open", "lift"),
