@@ -45,6 +45,11 @@ def failed(message: str, exit_code: int) -> click.exceptions.Exit:
     return click.exceptions.Exit(exit_code)
 
 
+def no_room(error: OSError) -> click.exceptions.Exit:
+    """Say that a disk is full; raise the return value to end the program."""
+    return failed(f"{error.filename or 'standard output'}: {error.strerror}; make room", 2)
+
+
 def refuse_repeated(ctx: click.Context, args: list[str]) -> None:
     """Refuse an option with one value that is given several times: all but one would be ignored."""
     _, _, given = ctx.command.make_parser(ctx).parse_args(list(args))
@@ -87,6 +92,15 @@ class LazyGroup(click.Group):
             refuse_repeated(click.Context(command, parent=ctx, info_name=name), rest)
         return name, command, rest
 
+    def make_context(self, *args: Any, **extra: Any) -> click.Context:
+        """Read the options; --help and --version are written here already."""
+        try:
+            return super().make_context(*args, **extra)
+        except OSError as error:
+            if error.errno == errno.ENOSPC:
+                raise no_room(error) from None
+            raise
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the subcommand; with --debug every error keeps its traceback."""
         if ctx.params["debug"]:
@@ -115,8 +129,7 @@ class LazyGroup(click.Group):
             if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
                 raise failed(f"{error.filename}: {error.strerror}; check the path", 2) from None
             if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-                place = error.filename or "standard output"
-                raise failed(f"{place}: {error.strerror}; make room", 2) from None
+                raise no_room(error) from None
             reason = f"{type(error).__name__}: {error}"
             hint = "run `geneoh --debug ...` for the traceback and report it"
             raise failed(f"unexpected {reason}; {hint}", 1) from None

@@ -79,6 +79,16 @@ def test_it_also_runs_as_a_module():
     assert ran.stdout.startswith("Usage: geneoh [OPTIONS]")
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no file that is full")
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["denoise", "--help"]])
+def test_a_full_disk_is_told_when_help_is_written_to_it(arguments):
+    command = [sys.executable, "-m", "geneoh", *arguments]
+    with open("/dev/full", "w") as full:
+        ran = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert ran.stderr == "Error: standard output: No space left on device; make room\n"
+    assert ran.returncode == 2
+
+
 def test_debug_lets_the_traceback_through(geneoh, failing):
     failing(InputError("a.npz: bad"))
     assert isinstance(geneoh("--debug", "info", code=1).exception, InputError)
