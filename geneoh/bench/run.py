@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +20,7 @@ from geneoh.choices import PresetName
 from geneoh.config import setting_differences
 from geneoh.errors import ConfigError, GeneOHError, InputError
 from geneoh.files.atomic import write_whole
+from geneoh.files.fingerprints import file_digest
 from geneoh.files.reading import read_bytes
 from geneoh.files.text import json_text, with_null
 from geneoh.progress import OnProgress
@@ -40,7 +42,8 @@ class Point:
     clips: int = 1
     networks: Literal["ours", "paper"] = "ours"
     version: str = ""
-    """Name of the folder of another version's checkout; empty for the running version."""
+    """Name of the folder of another version's checkout, and a digest of its code; empty for the
+    running version."""
 
     def __str__(self) -> str:
         """A short description of the point."""
@@ -71,10 +74,17 @@ class Bench:
     paper: bool = True  # whether networks of the paper's sizes are timed beside ours on one window
     tree: Path | None = None  # checkout of another version, measured before this one at each point
 
+    @cached_property
+    def version(self) -> str:
+        """The version of the points that are measured with `tree`."""
+        if self.tree is None:
+            return ""
+        code = file_digest((self.tree / "geneoh").rglob("*.py"))
+        return f"{self.tree.resolve().name} {code[:8]}"
+
     def along(self, axis: str) -> list[Point]:
         """The points along an axis, of both versions."""
-        versions = ["" if self.tree is None else self.tree.resolve().name, ""]
-        values = sorted(set(self.axes[axis]))
+        values, versions = sorted(set(self.axes[axis])), (self.version, "")
         points = [replace(self.base, version=v, **{axis: x}) for x in values for v in versions]
         return list(dict.fromkeys(points))
 

@@ -126,10 +126,21 @@ def test_another_version_is_measured_before_this_one_at_each_point(processes, tm
     (other / "geneoh").mkdir(parents=True)
     (other / "geneoh" / "__init__.py").touch()
     found = run(tmp_path, replace(GRID, tree=other))
-    assert [point.version for point in found] == ["other", ""] * 3
+    versions = [point.version for point in found]
+    assert [version[:6] for version in versions] == ["other ", ""] * 3
     for point, each in found.items():
-        assert (each["whole"]["path"] == str(other)) == (point.version == "other")
-    assert str(tmp_path) not in json.dumps([point.version for point in found])
+        assert (each["whole"]["path"] == str(other)) == bool(point.version)
+    assert str(tmp_path) not in json.dumps(versions)
+
+
+def test_another_version_in_a_folder_of_the_same_name_is_measured_as_well(processes, tmp_path):
+    measured, _ = processes
+    for number, place in enumerate(("one", "two", "one")):
+        other = tmp_path / place / "other"
+        (other / "geneoh").mkdir(parents=True, exist_ok=True)
+        (other / "geneoh" / "__init__.py").write_text(place)
+        run(tmp_path, replace(GRID, tree=other))
+        assert len(measured()) == (6, 9, 9)[number]
 
 
 def test_a_folder_without_another_version_is_refused(processes, tmp_path):
