@@ -46,6 +46,14 @@ def test_data_files_belong_to_listed_packages():
     assert set(SETUPTOOLS["package-data"]) <= set(SETUPTOOLS["packages"])
 
 
+def test_the_source_distribution_has_every_folder_with_code():
+    """Without a line in MANIFEST.in it would have some of the tests, and not what these import."""
+    lines = (ROOT / "MANIFEST.in").read_text().splitlines()
+    grafted = {line.removeprefix("graft ") for line in lines if line.startswith("graft ")}
+    folders = {path.name for path in ROOT.iterdir() if any(path.glob("*.py"))}
+    assert folders - INSTALLED_AS.keys() <= grafted
+
+
 def test_torch_comes_when_a_name_is_used_and_cleaning_imports_nothing_slow_besides():
     slow = ["trimesh", "networkx", "scipy.optimize", "scipy.signal", "scipy.stats"]
     slow += ["matplotlib", "smplx", "ray"]
