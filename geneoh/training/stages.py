@@ -108,9 +108,11 @@ class StageTask(Task):
     def before_step(self, state: TrainState) -> None:
         """Switch the latent stage from training its autoencoder to training its denoiser.
 
-        The autoencoder is then frozen with its averaged weights.
+        The autoencoder is then frozen with its averaged weights. One that a run starts from keeps
+        its statistics, for which its denoiser was trained.
         """
-        if self.name == "latent" and state.step == self.config.autoencoder_steps:
+        turns = state.first is None and state.step == self.config.autoencoder_steps
+        if self.name == "latent" and turns:
             state.model.load_state_dict(state.average)
             device = next(state.model.parameters()).device
             set_latent_statistics(state.model, self.batch(self.data, "latent", device=device)[0])

@@ -53,6 +53,15 @@ def test_weights_of_a_folder_bring_their_network_and_go_on_learning(clips, tiny,
         train_stage("motion", config, clips, clips, out, device=CPU)
 
 
+def test_the_latent_stage_keeps_the_statistics_of_the_autoencoder_that_it_starts_from(clips):
+    config, weights = started_from(None, "latent", TrainConfig())
+    task = StageTask("latent", config, clips, clips)
+    state = first_state(task, CPU, weights)
+    task.before_step(state)
+    for name in ("autoencoder.latent_mean", "autoencoder.latent_std"):
+        assert state.model.state_dict()[name].equal(weights[name].float()), name
+
+
 def test_a_run_may_keep_a_share_of_the_weights_that_it_starts_from(clips, tiny, tmp_path):
     """What is validated and written is the mean; the state goes on from the weights alone."""
     train_stage("motion", tiny, clips, clips, tmp_path / "first", device=CPU)
