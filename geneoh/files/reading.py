@@ -1,6 +1,7 @@
 """Read the bytes of foreign files, up to a limit; every failure is an `InputError`.
 
-`noted_reads` tells which files were read."""
+`noted_reads` tells which files were read.
+"""
 
 import csv
 import lzma
@@ -64,7 +65,7 @@ def noted_reads() -> Iterator[set[Path]]:
 
 
 def note_read(path: Path) -> None:
-    """Note that a file, or the list of files in a folder, is read; see `noted_reads`."""
+    """Note that a file, or the list of files in a folder, was read; see `noted_reads`."""
     if (noted := _NOTED.get()) is not None:
         noted.add(path.absolute())
 
@@ -88,12 +89,12 @@ def byte_budget() -> int:
 
 def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
     """The bytes of a file; `InputError` where it cannot be read, or is larger than `limit`."""
-    note_read(path)
     try:
         refuse_large(path, limit)
         data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from None
+    note_read(path)
     refuse_stand_in(path, data[:HEAD_BYTES])
     return data
 
@@ -146,12 +147,13 @@ def refuse_missing(path: Path) -> None:
 
 def head_of(path: Path) -> bytes:
     """The first `HEAD_BYTES` bytes of a file; `InputError` where it cannot be read."""
-    note_read(path)
     try:
         with path.open("rb") as file:
-            return file.read(HEAD_BYTES)
+            head = file.read(HEAD_BYTES)
     except OSError as error:
         raise unreadable(path, error) from None
+    note_read(path)
+    return head
 
 
 def refuse_stand_in(path: Path, head: bytes) -> None:

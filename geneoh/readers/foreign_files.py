@@ -171,7 +171,8 @@ def frame_number(path: Path) -> int:
 
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """The files of a folder that match a pattern, by the frame's number in their names."""
-    note_read(folder)
+    if folder.is_dir():
+        note_read(folder)
     return {frame_number(path): path for path in sorted(folder.glob(pattern))}
 
 

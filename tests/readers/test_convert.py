@@ -341,6 +341,16 @@ def test_a_changed_file_beside_a_clip_is_another_conversion(source, changed, tmp
     assert not outcome.skipped
 
 
+def test_a_folder_of_frames_that_is_not_there_is_no_input(tmp_path, mano_dir):
+    case = trees.case_of("hoi4d")
+    case.build(tmp_path / "in", scene(case.left), False)
+    shutil.rmtree(tmp_path / "in/handpose/refinehandpose_left")
+    known = ReaderOptions(mano_dir=mano_dir, **case.options(tmp_path / "in"))
+    for skipped in (False, True):
+        (outcome,) = run("hoi4d", tmp_path / "in" / case.start, tmp_path / "out", known)
+        assert (outcome.skipped, outcome.problem) == (skipped, None)
+
+
 def test_a_clip_does_not_replace_the_result_of_another_one_of_its_name(tmp_path):
     out, known = tmp_path / "out", ReaderOptions(side="right")
     for place in ("one", "other"):
