@@ -10,6 +10,7 @@ from typing import Any
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import make_folder, unwritable, write_whole
+from geneoh.files.fingerprints import fingerprint
 from geneoh.files.text import json_text
 
 LOCK = ".geneoh.lock"
@@ -57,10 +58,12 @@ def results_in(folder: Path, name: str) -> set[Path]:
 
 def refuse_namesake(record: Record, path: Path, folder: Path) -> None:
     """`InputError` where a folder has a result of another clip than that at `path` under its name;
-    `record` is the last one of the name."""
+    `record` is the last one of the name. The same files at another path are the same clip."""
     other = record.get("asked", {}).get("path", path)
     there = any((folder / file).is_file() for file in record.get("files", ()))
-    if there and Path(other).resolve() != path.resolve():
+    if not there or Path(other).resolve() == path.resolve():
+        return
+    if record.get("inputs", {}).get(str(other)) != fingerprint(path):
         raise InputError(
             f"{path}: its name '{record['clip']}' is that of the result of {other} in {folder}; "
             "name another folder, or remove that result"

@@ -353,9 +353,9 @@ def test_a_folder_of_frames_that_is_not_there_is_no_input(tmp_path, mano_dir):
 
 def test_a_clip_does_not_replace_the_result_of_another_one_of_its_name(tmp_path):
     out, known = tmp_path / "out", ReaderOptions(side="right")
-    for place in ("one", "other"):
+    for place, shift in (("one", 0.0), ("other", 0.1)):
         (tmp_path / place / "day").mkdir(parents=True)
-        np.save(tmp_path / place / "day/hand.npy", scene().joints["right"])
+        np.save(tmp_path / place / "day/hand.npy", scene().joints["right"] + shift)
     (first,) = run("keypoints", tmp_path / "one/day", out, known)
     before = (out / first.files[0]).read_bytes()
     with pytest.raises(InputError, match=r"is that of the result of .*/one/day/hand.npy in "):
