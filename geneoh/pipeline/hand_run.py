@@ -102,10 +102,11 @@ class HandRun:
             )
 
         found = cleaned(near)
-        if against is None or not (chosen.clean_object and chosen.contact):
+        # even a mesh that is too large shows how far a hand is off along the camera's ray
+        if against is None or ray is not None or not (chosen.clean_object and chosen.contact):
             return found
         counted = hand.track.observed & (found.evidence > 0.5)
-        left = depth_left(found.target[0], found.state, found.shaped, against, counted)
+        left = depth_left(found.state, found.shaped, against, counted)
         if left.evidence == 1:
             return found
         return replace(cleaned(near * left.evidence), left=left)

@@ -409,7 +409,7 @@ SITUATIONS = [
     # The mesh
     Situation(
         "The mesh is a convex hull or a box of a hollow object",
-        "note: cleaned against the object, the fingers stay ... mm deep in it ... larger",
+        "note: cleaned against the object, fingers stay ... mm deep in it ... larger",
         in_a_box,
         code=0,
     ),

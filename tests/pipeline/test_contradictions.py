@@ -104,11 +104,11 @@ def test_a_box_around_the_object_is_told_and_does_not_move_the_hand(boxed):
 
 
 def test_a_mesh_is_relied_on_less_the_deeper_fingers_stay_in_it():
-    found = [DepthLeft(bones, 0.004).evidence for bones in (0.003, 0.0055, 0.008)]
+    found = [DepthLeft(depth).evidence for depth in (0.003, 0.00365, 0.0045)]
     assert found == pytest.approx([1.0, 0.5, 0.0])
-    assert list(DepthLeft(-0.02, 0.004).note()) == []
-    (partly,), (words,) = (DepthLeft(bones, 0.004).note() for bones in (0.0055, 0.01))
-    assert f"the fingers stay 4 mm deep in it: {LARGER}" in words
+    assert list(DepthLeft(0.002).note()) == []
+    (partly,), (words,) = (DepthLeft(depth).note() for depth in (0.0035, 0.006))
+    assert f"fingers stay 6 mm deep in it: {LARGER}" in words
     assert "is cleaned by the prior" in words
     assert "is cleaned mostly by the prior" in partly
 
