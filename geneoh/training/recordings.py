@@ -198,7 +198,7 @@ def cut_hand(
     motion = {"rotation": hand.object.rotation, "translation": hand.object.translation}
     world, _ = ObjectSurface(*surface, **motion).in_world()
     near = torch.cdist(subject.joints[:, :1], world).amin((1, 2)) <= config.reach
-    seen = hand.track.valid
+    seen = hand.track.observed
     left_out["far from the object"] += int((~near).sum())
     left_out["without the hand"] += int((near & ~seen).sum())
     if (known := hand.object.valid) is not None:

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,18 @@ def test_a_recording_is_cut_where_the_hand_is_near_and_seen(example, tmp_path):
         wanted = mirror_points(truth[first : first + one.length])
         torch.testing.assert_close(joints[: one.length], wanted, atol=5e-3, rtol=0)
         assert wrist[one.length :].equal(wrist[one.length - 1].expand(60 - one.length, 3))
+
+
+def test_frames_in_which_no_keypoint_has_confidence_are_left_out(tmp_path):
+    recording = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+    confidence = torch.ones(146, 21)
+    confidence[80:83] = 0
+    hand = replace(recording.hands[0], confidence=confidence)
+    geneoh.save(replace(recording, hands=(hand,)), tmp_path / "sequence.npz")
+    (shard,) = cut("sequences", tmp_path, tmp_path / "out", ClipConfig(shortest=30))
+    record = recorded_shard(shard)
+    assert record is not None
+    assert record.left_out["without the hand"] == 3
 
 
 def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
