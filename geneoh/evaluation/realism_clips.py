@@ -58,7 +58,7 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
     state = subject.parameters()
     verts = subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
     surface = motion.surface()
-    joints, valid = subject.joints, track.valid
+    joints, valid = subject.joints, track.observed
     if motion.valid is not None:
         valid = valid & motion.valid.all(1)
     distance = surface.query(verts).distance
