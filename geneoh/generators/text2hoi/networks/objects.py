@@ -187,6 +187,8 @@ class ObjectTokens(nn.Module):
         _, features = self.points(channels)
         whole = self.whole(torch.cat([features.amax(1), _summary(objects, contact)], dim=-1))
         kept = min(self.places, len(some))
+        if not kept:
+            return whole, whole.new_zeros(len(whole), 0, whole.shape[-1])
         points, everywhere = objects.points, torch.ones_like(contact, dtype=torch.bool)
         first = torch.zeros_like(contact[:, 0], dtype=torch.long)
         chosen = farthest_points(points, everywhere, first, kept)[..., None].expand(-1, -1, 3)

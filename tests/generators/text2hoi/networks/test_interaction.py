@@ -16,7 +16,11 @@ from geneoh.generators.text2hoi.networks.principal_axes import Waves
 from geneoh.generators.text2hoi.networks.tokens import tokens_of
 from geneoh.nn.blocks import in_steps, sinusoid
 
-FORMS = {"ours": TINY.interaction, "paper": in_paper_form(TINY.interaction)}
+FORMS = {
+    "ours": TINY.interaction,
+    "without places": replace(TINY.interaction, object_tokens=0),
+    "paper": in_paper_form(TINY.interaction),
+}
 
 
 def network_of(form: str) -> InteractionNetwork:
