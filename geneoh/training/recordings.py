@@ -28,6 +28,7 @@ from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files
 from geneoh.objects.camera_motion import in_steady_world
+from geneoh.objects.carrying import with_held_part_first
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
 from geneoh.readers.meshes import mesh_beside
@@ -190,12 +191,17 @@ def write_shard(
 def cut_hand(
     recording: Recording, hand: NormalisedHand, config: ClipConfig, left_out: Counter[str]
 ) -> Iterator[tuple[ClipRecord, dict[str, Tensor]]]:
-    """The clips of one right or mirrored hand at 30 frames a second; `left_out` counts the rest."""
+    """The clips of one right or mirrored hand at 30 frames a second; `left_out` counts the rest.
+
+    The part of the object that the hand holds comes first, as in cleaning.
+    """
     seed = seed_of("surface", recording.name, hand.side)
     generator = torch.Generator().manual_seed(seed)
-    surface = drawn_surface(hand.object.meshes, config.points, generator=generator)
     subject = subject_of(hand.track, load_hand("right"))
-    motion = {"rotation": hand.object.rotation, "translation": hand.object.translation}
+    held = with_held_part_first(subject.joints, hand.object.surface())
+    meshes = tuple(field.mesh for field in held.fields)
+    surface = drawn_surface(meshes, config.points, generator=generator)
+    motion = {"rotation": held.rotation, "translation": held.translation}
     world, _ = ObjectSurface(*surface, **motion).in_world()
     near = torch.cdist(subject.joints[:, :1], world).amin((1, 2)) <= config.reach
     seen = hand.track.observed
@@ -205,7 +211,7 @@ def cut_hand(
         left_out["without the object"] += int((near & seen & ~known.all(1)).sum())
         seen = seen & known.all(1)
     state = subject.parameters()
-    if len(hand.object.meshes) < PARTS:  # as synthetic objects, where rigid ones have equal parts
+    if len(meshes) < PARTS:  # as synthetic objects, where rigid ones have equal parts
         motion = {name: values.repeat_interleave(PARTS, dim=1) for name, values in motion.items()}
     motion |= {"pose": state.pose[0], "wrist": state.wrist[0]}
     fixed = {"points": surface[0], "normals": surface[1], "part": surface[2]}

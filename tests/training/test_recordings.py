@@ -15,10 +15,11 @@ from trees import case_of, landmarks, scene, write_mano
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.geometry.mirror import mirror_points
+from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.readers.base import ReaderOptions
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import read_shard
 from geneoh.training.recordings import ClipConfig, make_shards, recorded_shard, spans
@@ -135,6 +136,25 @@ def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
     for one in record.clips:
         first = int(one.name[-5:])
         assert 70 not in range(first, first + one.length)
+
+
+def test_the_part_that_the_hand_holds_comes_first_as_in_cleaning(tmp_path):
+    recording = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+    held = recording.object
+    beside = torch.ones(146, 1, 3), torch.eye(3).expand(146, 1, 3, 3)
+    both = ObjectTrack(
+        held.meshes * 2,
+        torch.cat([beside[1], held.rotation], dim=1),
+        torch.cat([beside[0], held.translation], dim=1),
+    )
+    geneoh.save(replace(recording, object=both), tmp_path / "sequence.npz")
+    (shard,) = cut("sequences", tmp_path, tmp_path / "out", ClipConfig(shortest=30))
+    record, clips = recorded_shard(shard), read_shard(shard)
+    assert record is not None
+    for one, rotation in zip(record.clips, clips.rotation, strict=True):
+        first = int(one.name[-5:])
+        wanted = mirror_rotations(held.rotation[first : first + one.length, 0])
+        torch.testing.assert_close(rotation[: one.length, 0], wanted)
 
 
 def test_other_frame_rates_are_brought_to_thirty(example, tmp_path):
