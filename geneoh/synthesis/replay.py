@@ -86,7 +86,8 @@ class Replay(Bundle):
 
 
 def replay_shard(path: Path) -> Replay:
-    """The clips of a shard from its first round of attempts, which are nearly all.
+    """The clips of a shard from its first round of attempts, which are nearly all; those of hands
+    with the same bones as another one's are left out, as their objects are not known.
 
     Raises `NoFirstGraspsError` if there is none, for example because another version of geneoh made
     the shard, and `InputError` if the file is no whole shard.
@@ -99,12 +100,13 @@ def replay_shard(path: Path) -> Replay:
     tried = draw_attempts(config, names, config.shard, generator=generator, scans=scans)
     clips = read_shard(path)
     ours, theirs = clips.offsets.flatten(1), tried.hands.offsets.flatten(1)
-    nearest, who = pairwise_distances(ours, theirs).min(1)
-    found = torch.nonzero(nearest < SAME_SKELETON)[:, 0]
+    same = pairwise_distances(ours, theirs) < SAME_SKELETON
+    found, who = torch.nonzero(same.sum(1) == 1)[:, 0], same.int().argmax(1)
     if not len(found):
         raise NoFirstGraspsError(
             f"{path}: expected hands of the first grasps that its seed {record.seed} draws, got "
             f"none among {len(clips.offsets)}: another version of geneoh made it, or none of these "
-            "grasps held; make the data again, with more clips in each shard if they are few"
+            "grasps held, or hands have the same bones (shape_std and bone_std of 0); make the "
+            "data again, with more clips in each shard if they are few"
         )
     return Replay(clips.take(found, "B"), tried.take(who[found], "B"))

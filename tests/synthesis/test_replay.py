@@ -97,6 +97,12 @@ def test_a_shard_of_other_people_than_its_seed_draws_is_refused(folder, tmp_path
         replay_shard(path)
 
 
+def test_hands_with_the_same_bones_are_not_given_the_object_of_another_one(tmp_path):
+    write_shards(tmp_path, replace(TINY, count=2, shard=1, shape_std=0.0, bone_std=0.0), seed=3)
+    with pytest.raises(InputError, match="or hands have the same bones"):
+        replay_shard(tmp_path / "train_00001.safetensors")
+
+
 def test_distance_follows_the_part_that_has_moved():
     """A chest is as far from points of its lid when that is opened as when it was drawn."""
     solids = draw_objects(["chest"], generator=seeded())
