@@ -1,6 +1,6 @@
 """Actions on disk, in the shards of `geneoh.synthesis.shards`."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,6 +16,7 @@ from geneoh.synthesis.actions.setups import stands_upright
 from geneoh.synthesis.attempts import draw_attempts, tried_grasps
 from geneoh.synthesis.data_config import SynthesisConfig
 from geneoh.synthesis.grasping.bimanual import BimanualConfig, grasp_directions, pair_hands
+from geneoh.synthesis.motions.object_motion import ObjectMotionConfig
 from geneoh.synthesis.shapes.families import FAMILIES, JOINTED_FAMILIES
 from geneoh.synthesis.shapes.scans import Scans
 from geneoh.synthesis.shards import find_shards, refuse_damage, scans_of, shard_record, whole_shard
@@ -53,11 +54,16 @@ class ActionSynthesisConfig(SynthesisConfig):
 
 
 DEFAULTS = ActionSynthesisConfig()
-GRIPS = ("grip_share", "grip_frames", "restless_share", "restless_period", "restless_size")
+GRIPS = (
+    *("grip_share", "grip_frames", "restless_share", "restless_period", "restless_size"),
+    *("regrasp_width", "regrasp_distance", "regrasp_opening"),
+)
+HELD = ("touch", "skin", "joint_states")  # settings of moving objects that tell which part is held
 UNREAD = (
     "animation",
     *(f"grasps.grip{end}" for end in ("s", "_steps", "_turn_std", "_shift_std", "_habit_std")),
     *(f"acting.hand.{name}" for name in GRIPS),
+    *(f"acting.setup.parts.{f.name}" for f in fields(ObjectMotionConfig) if f.name not in HELD),
 )
 """Settings of how hands carry objects about and change their grip, which they do in interactions
 alone."""

@@ -305,6 +305,8 @@ def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(g
         ("--actions", "animation.object.table_share=0.8", "interactions"),
         ("--actions", "grasps.grips=4", "interactions"),
         ("--actions", "acting.hand.restless_share=1.0", "interactions"),
+        ("--actions", "acting.hand.regrasp_opening=1.0", "interactions"),
+        ("--actions", "acting.setup.parts.table_share=1.0", "interactions"),
         ("--bodies", "handling=0.5", "--with-actions"),
     ],
 )
