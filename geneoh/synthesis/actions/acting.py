@@ -1,12 +1,15 @@
 """From grasps to actions: one or two hands perform a verb with the object that they hold."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limited, Limits
+from geneoh.errors import ConfigError
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.spheres import hand_spheres
@@ -26,8 +29,10 @@ NEVER = 1000.0  # a time that lies outside of every action, frames
 
 
 @dataclass(frozen=True)
-class ActingConfig:
+class ActingConfig(Limited):
     """Settings of how hands perform verbs."""
+
+    LIMITS: ClassVar[Limits] = {"left": (0, 1)}
 
     verbs: VerbConfig = field(default_factory=VerbConfig)
     hand: HandMotionConfig = field(
@@ -52,6 +57,16 @@ class ActingConfig:
     overlap: float = 0.003  # largest penetration of two hands into each other, metres
     offset: float = 3.0  # largest delay between two hands that grasp together, frames
     left: float = 0.45  # share of the actions that are mirrored, one-handed ones to the left hand
+
+    def __post_init__(self) -> None:
+        """Also refuse times before and after the moves that leave none for these."""
+        super().__post_init__()
+        before, after = self.reach[1] + self.offset + self.grip, self.grip + self.leave
+        if (around := before + max(after, self.held[1])) >= LONGEST:
+            raise ConfigError(
+                "ActingConfig: 'reach', 'offset', 'grip', and 'leave' or 'held' must be below "
+                f"{LONGEST} frames together, got {around:g}; lower them"
+            )
 
 
 @dataclass(frozen=True)

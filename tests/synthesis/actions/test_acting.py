@@ -6,6 +6,7 @@ from draws import seeded
 from made_grasps import grasps_at
 from torch import Tensor
 
+from geneoh.errors import ConfigError
 from geneoh.evaluation.generation.measures import measure_clips
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -203,6 +204,13 @@ def test_hands_below_the_table_do_nothing():
         generator=generator,
     )
     assert len(actions.verb) == 0
+
+
+@pytest.mark.parametrize("wrong", [{"leave": 112.0}, {"held": (8.0, 112.0)}, {"left": 1.5}])
+def test_settings_with_which_no_action_can_be_made_are_refused(wrong):
+    (name,) = wrong
+    with pytest.raises(ConfigError, match=f"ActingConfig: .*'{name}'"):
+        ActingConfig(**wrong)
 
 
 @pytest.mark.parametrize(
