@@ -12,7 +12,7 @@ from geneoh.generators.sampling import Sampler, from_noise, smoothed_clips
 from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.networks.interaction import Condition, InteractionNetwork
 from geneoh.generators.text2hoi.networks.library import Text2HoiNetworks
-from geneoh.generators.text2hoi.networks.objects import Objects
+from geneoh.generators.text2hoi.networks.objects import Objects, map_as_read
 from geneoh.generators.text2hoi.networks.tokens import NUMBERS, Tokens, actions_of
 from geneoh.generators.text2hoi.physics.resting import retimed
 from geneoh.generators.text2hoi.sentences.passing import passed_by
@@ -116,14 +116,14 @@ def condition_of(
     lengths: Int[Tensor, " B"],
     contact: Float[Tensor, "B P"],
 ) -> Condition:
-    """The condition of the interaction network; contact maps are binary for the paper's form."""
+    """The condition of the interaction network."""
     device = objects.points.device
     given_all = torch.ones(len(text), dtype=torch.bool, device=device)
     sides = [TAKING_PART[each] for each in hands]
     return Condition(
         text,
         objects,
-        (contact > 0.5).to(contact) if network.config.form == "paper" else contact,
+        map_as_read(contact, network.config.form),
         torch.tensor(sides, device=device),
         torch.arange(int(lengths.max()), device=device) < lengths[:, None],
         given_all,

@@ -34,6 +34,7 @@ from geneoh.generators.text2hoi.networks.interaction import (
 )
 from geneoh.generators.text2hoi.networks.library import ASKED
 from geneoh.generators.text2hoi.networks.losses import geometric_loss, simple_loss
+from geneoh.generators.text2hoi.networks.objects import map_as_read
 from geneoh.generators.text2hoi.networks.refiner import RefinerNetwork, points_of, refiner_loss
 from geneoh.generators.text2hoi.networks.tokens import Tokens, actions_of, tokens_of
 from geneoh.seeds import seeded_generator
@@ -181,7 +182,7 @@ def answer_to_noise(
     condition = Condition(
         samples.text,
         samples.objects,
-        samples.contact,
+        map_as_read(samples.contact, network.config.form),
         tokens.present,
         tokens.valid,
         ~draws.chance(config.text_dropout).to(tokens.present.device),
@@ -225,7 +226,8 @@ def refiner_task_loss(
         guess = answer_to_noise(interaction, samples, config, draws).guess
         made = actions_of(guess, samples.actions)
     coarse, clean = (tokens_of(a, network.config.frame) for a in (made, samples.actions))
-    points, contact, normals = points_of(made, coarse, samples.contact, network.config.points)
+    contact = map_as_read(samples.contact, network.config.form)
+    points, contact, normals = points_of(made, coarse, contact, network.config.points)
     found = network(coarse, points, contact)
     return refiner_loss(found, coarse, clean, points, normals, config.refining)
 

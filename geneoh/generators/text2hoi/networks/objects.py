@@ -87,6 +87,11 @@ def contact_maps(actions: Actions) -> Bool[Tensor, "B P"]:
     return torch.cat([_near(actions.take(slice(i, i + 1), "B")) for i in range(len(actions.verb))])
 
 
+def map_as_read(contact: Float[Tensor, "B P"], form: str) -> Float[Tensor, "B P"]:
+    """A contact map as networks of a form read it: probabilities, or binary in the paper's form."""
+    return (contact > 0.5).to(contact) if form == "paper" else contact
+
+
 def _near(actions: Actions) -> Bool[Tensor, "B P"]:
     some = actions.take(slice(None, None, CONTACT_EVERY), "T")
     some = replace(some, length=(some.length + CONTACT_EVERY - 1) // CONTACT_EVERY)

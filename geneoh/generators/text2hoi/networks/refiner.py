@@ -19,6 +19,7 @@ from geneoh.choices import SIDES
 from geneoh.config import Limited
 from geneoh.generators.sampling import smoothed_clips
 from geneoh.generators.text2hoi.networks.losses import ERROR_UNIT, masked_mean
+from geneoh.generators.text2hoi.networks.objects import map_as_read
 from geneoh.generators.text2hoi.networks.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.networks.tokens import (
     HAND,
@@ -156,12 +157,10 @@ def points_of(
 def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor, "B P"]) -> Actions:
     """The same clips with refined hands.
 
-    In our form the residual is smoothed over time, because each token is decoded separately. In the
-    paper's form the contact map is binary, as in training.
+    In our form the residual is smoothed over time, because each token is decoded separately.
     """
     tokens = tokens_of(actions, network.config.frame)
-    if network.config.form == "paper":
-        contact = (contact > 0.5).to(contact)
+    contact = map_as_read(contact, network.config.form)
     points, touched, _ = points_of(actions, tokens, contact, network.config.points)
     hands = network(tokens, points, touched).hands
     if network.config.form == "ours":

@@ -131,6 +131,24 @@ def test_true_maps_are_told_in_part_and_otherwise_those_of_the_contact_network()
         assert drawn.touched.unique().tolist() == [0, 1]
 
 
+@pytest.mark.parametrize("stage", ["interaction", "refiner"])
+@pytest.mark.parametrize("form", ["ours", "paper"])
+def test_the_paper_s_form_learns_from_binary_maps_as_it_reads_them_later(stage, form):
+    config = TINY
+    if form == "paper":
+        interaction, refiner = in_paper_form(TINY.interaction), replace(TINY.refiner, form="paper")
+        config = replace(TINY, interaction=interaction, refiner=refiner)
+    task = tiny_task(stage, config)
+    network, samples = task.network(), task.pieces(0, Team(), CPU)[0].samples
+    for parameter in network.parameters():  # layers that start at zero would hide the map
+        torch.nn.init.normal_(parameter, std=0.1)
+    likely, sure = (
+        task.loss(network, replace(samples, contact=torch.full_like(samples.contact, p)), draws(6))
+        for p in (0.6, 1.0)
+    )
+    assert likely.equal(sure) == (form == "paper")
+
+
 def test_pieces_of_a_batch_are_the_batch():
     task = tiny_task("interaction", replace(TINY, accumulate=2))
     whole = tiny_task("interaction").pieces(0, Team(), CPU)[0].samples
