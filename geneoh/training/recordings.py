@@ -17,11 +17,13 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.config import Limited, Limits
+from geneoh.denoisers.surface_points import surface_points
 from geneoh.errors import GeneOHError, InputError
 from geneoh.files.fingerprints import are_as_recorded, by_path, files_at, records_of
 from geneoh.files.reading import noted_reads
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
+from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import MESH_SUFFIXES
 from geneoh.geometry.sampling import sample_surface
@@ -200,7 +202,7 @@ def cut_hand(
     subject = subject_of(hand.track, load_hand("right"))
     held = with_held_part_first(subject.joints, hand.object.surface())
     meshes = tuple(field.mesh for field in held.fields)
-    surface = drawn_surface(meshes, config.points, generator=generator)
+    surface = reached_surface(held, subject.joints, config.points, generator=generator)
     motion = {"rotation": held.rotation, "translation": held.translation}
     world, _ = ObjectSurface(*surface, **motion).in_world()
     near = torch.cdist(subject.joints[:, :1], world).amin((1, 2)) <= config.reach
@@ -242,6 +244,24 @@ def spans(
             length = min(stop - start, config.longest)
             left_out["beyond the longest clip"] += stop - start - length
             yield start, length
+
+
+def reached_surface(
+    surface: MovingSurface,
+    joints: Float[Tensor, "T 21 3"],
+    count: int,
+    *,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"], Int[Tensor, " P"]]:
+    """Positions, normals and part indices of `count` points, drawn as in cleaning."""
+    drawn = surface_points(surface, joints, generator=generator, count=count)
+    part = torch.arange(len(drawn)).repeat_interleave(torch.tensor([len(d.points) for d in drawn]))
+    # their number is rounded for each part
+    kept = torch.linspace(0, len(part) - 1, count, dtype=torch.float64).round().long()
+    points, normals = (
+        torch.cat([getattr(one, name) for one in drawn]) for name in ("points", "normals")
+    )
+    return points[kept], normals[kept], part[kept]
 
 
 def drawn_surface(

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import short_clips
 import torch
 from safetensors.torch import safe_open
 from trees import case_of, landmarks, scene, write_mano
+from trees.writers import write_mesh
 
 import geneoh
 from geneoh.errors import InputError
@@ -23,6 +25,7 @@ from geneoh.sequence.sequence import ObjectTrack
 from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import read_shard
 from geneoh.training.recordings import ClipConfig, make_shards, recorded_shard, spans
+from tools.noisy_objects.clips import large
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORT = ClipConfig(shortest=5, longest=20, points=48)
@@ -155,6 +158,22 @@ def test_the_part_that_the_hand_holds_comes_first_as_in_cleaning(tmp_path):
         first = int(one.name[-5:])
         wanted = mirror_rotations(held.rotation[first : first + one.length, 0])
         torch.testing.assert_close(rotation[: one.length, 0], wanted)
+
+
+def test_points_of_a_large_object_are_where_the_hand_is_as_in_cleaning(tmp_path):
+    small, away = short_clips.example(), []
+    for name, recording in (("small", small), ("large", large(small))):
+        path = tmp_path / f"{name}.npz"
+        geneoh.save(recording, path)
+        (mesh,) = recording.object.meshes
+        write_mesh(path.with_suffix(".obj"), mesh.verts.numpy(), mesh.faces.numpy())
+        (shard,) = cut("sequences", path, tmp_path / "out", ClipConfig())
+        clips = read_shard(shard)
+        assert clips.points.shape == (2, 512, 3)
+        beside = joints_of(clips) - clips.translation[:, :, :1]
+        seen = beside @ clips.rotation[:, :, 0]
+        away.append(float(torch.cdist(seen.flatten(1, 2), clips.points).amin(2).mean()))
+    assert away[1] < away[0] + 0.002  # spread over all of it, they would be 15 mm farther
 
 
 def test_other_frame_rates_are_brought_to_thirty(example, tmp_path):

@@ -17,10 +17,10 @@ from geneoh.denoisers.holding import HeldPlace, holding
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.sliding import Sliding
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
+from geneoh.denoisers.surface_points import surface_points
 from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
-from geneoh.pipeline.stages.surface_points import surface_points
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region

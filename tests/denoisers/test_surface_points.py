@@ -4,7 +4,7 @@ import torch
 from draws import seeded
 from short_clips import example
 
-from geneoh.pipeline.stages.surface_points import (
+from geneoh.denoisers.surface_points import (
     FEWEST_POINTS,
     REACH,
     SURFACE_POINTS,

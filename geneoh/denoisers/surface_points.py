@@ -1,4 +1,4 @@
-"""Points on the object's surface by which the stages know it, where the hand reaches it."""
+"""Points on the object's surface by which the networks know it, where the hand reaches it."""
 
 import torch
 from jaxtyping import Float, Float64
@@ -20,9 +20,13 @@ CANDIDATES = 2**16
 
 
 def surface_points(
-    surface: MovingSurface, joints: Float[Tensor, "T 21 3"], *, generator: torch.Generator
+    surface: MovingSurface,
+    joints: Float[Tensor, "T 21 3"],
+    *,
+    generator: torch.Generator,
+    count: int = SURFACE_POINTS,
 ) -> list[SurfaceSamples]:
-    """Random points on each part, evenly by area, on the CPU.
+    """Random points on each part, about `count` in all, evenly by area, on the CPU.
 
     On a large object, such as furniture, they would be centimetres apart where the hand touches it,
     farther than on the objects of training. So where less than `REACHED_SHARE` of the surface is in
@@ -31,14 +35,14 @@ def surface_points(
     some = surface.at(slice(None, None, SELECT_EVERY))
     hands = [pose.inverse().apply(joints[::SELECT_EVERY]) for _, pose in some.parts]
     trees = [KDTree(hand.flatten(0, 1).cpu().numpy()) for hand in hands]
-    everywhere = spread_points(surface, SURFACE_POINTS, generator)
+    everywhere = spread_points(surface, count, generator)
     if (torch.cat(distances(everywhere, trees)) <= REACH).double().mean() >= REACHED_SHARE:
         return everywhere
     candidates = spread_points(surface, CANDIDATES, generator)
     apart = distances(candidates, trees)
     every = torch.cat(apart)
-    reach = every.kthvalue(SURFACE_POINTS).values.clamp(min=REACH)
-    share = SURFACE_POINTS / int((every <= reach).sum())
+    reach = every.kthvalue(min(count, len(every))).values.clamp(min=REACH)
+    share = count / int((every <= reach).sum())
     return [
         share_within(reach, share, part, own) for part, own in zip(candidates, apart, strict=True)
     ]
