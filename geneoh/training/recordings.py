@@ -43,6 +43,7 @@ from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import runs
 from geneoh.synthesis.shapes.solids import PARTS
 
+FORMAT = 1  # of the shards; raised where the same files give other clips
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
 PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
 """Endings of files from which no reader reads hands."""
@@ -80,6 +81,7 @@ class RecordedShard:
     files (by name), and of all others that were read (by absolute path)."""
     clips: tuple[ClipRecord, ...]
     left_out: dict[str, int]  # numbers of unused frames, by reason
+    format: int = FORMAT
 
 
 def _clips_of(source: str, path: Path) -> list[SourceClip]:
@@ -312,7 +314,8 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderO
 
     Files that are newer than the shard are compared by content, others only by size.
     """
-    if (record := recorded_shard(shard)) is None or record.config != config:
+    record = recorded_shard(shard)
+    if record is None or (record.config, record.format) != (config, FORMAT):
         return False
     return are_as_recorded(files_of(clip, options), record.files, shard)
 
@@ -323,6 +326,7 @@ def recorded_shard(shard: Path) -> RecordedShard | None:
         with opened_tensors(shard) as (_, found):
             clips = tuple(ClipRecord(**clip) for clip in found["clips"])
             files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
-            return RecordedShard(ClipConfig(**found["config"]), files, clips, found["left_out"])
+            config, version = ClipConfig(**found["config"]), found.get("format", 0)
+            return RecordedShard(config, files, clips, found["left_out"], version)
     except (OSError, DamagedTensorsError):
         return None

@@ -24,6 +24,7 @@ from geneoh.readers.base import ReaderOptions
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.synthesis.motions.motion import Interactions
 from geneoh.synthesis.shards import read_shard
+from geneoh.training import recordings
 from geneoh.training.recordings import ClipConfig, make_shards, recorded_shard, spans
 from tools.noisy_objects.clips import large
 
@@ -231,8 +232,8 @@ def test_a_second_run_reads_what_the_first_one_made(example, tmp_path):
     assert shard.stat().st_mtime_ns == made
 
 
-@pytest.mark.parametrize("change", ["file", "config", "broken"])
-def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, change):
+@pytest.mark.parametrize("change", ["file", "config", "version", "broken"])
+def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, change, monkeypatch):
     (shard,) = cut("sequences", example, tmp_path / "out")
     config, made = SHORT, shard.stat().st_mtime_ns
     if change == "file":
@@ -241,6 +242,8 @@ def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, cha
         np.savez(example / "sequence.npz", **fewer)
     elif change == "config":
         config = ClipConfig(shortest=6, longest=20, points=48)
+    elif change == "version":
+        monkeypatch.setattr(recordings, "FORMAT", recordings.FORMAT + 1)
     else:
         shard.write_bytes(b"half of it")
     (again,) = cut("sequences", example, tmp_path / "out", config)
