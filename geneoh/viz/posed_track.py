@@ -35,7 +35,8 @@ class PosedTrack:
     wrist: Float[Tensor, "T 3"]
     betas: Float[Tensor, " S"]
     verts: Float[Tensor, "T V 3"]
-    joints: Float[Tensor, "T 21 3"]  # the track's own, else those of the pose
+    joints: Float[Tensor, "T 21 3"]
+    """The track's own; those of the pose where it has none or they were not seen."""
     valid: Bool[Tensor, " T"]  # frames with this hand
     fps: float
     distance_of: Callable[[Float[Tensor, "T V 3"]], Float[Tensor, "T V"]] | None
@@ -85,7 +86,8 @@ def pose_track(
         subject = subject_of(right, right_model)
         state = posed_by_own_wrist(subject, right)
         posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
-        verts, joints, pose, wrist = posed.verts[0], subject.joints, state.pose[0], state.wrist[0]
+        joints = subject.completed(state).joints
+        verts, pose, wrist = posed.verts[0], state.pose[0], state.wrist[0]
         if left:
             verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
             pose = mirror_axis_angle(pose)

@@ -225,7 +225,7 @@ def make_scene(
     `sequences` maps titles to versions, before and after; `samples` may have any frame rate, and
     those of a side that is not shown are left out.
     """
-    sequences = {name: without_unseen(sequence) for name, sequence in sequences.items()}
+    sequences = {name: seen_hands(sequence) for name, sequence in sequences.items()}
     last_title, last = next(reversed(sequences.items()))
     if body is None:
         refuse_lost_meshes(last)
@@ -247,7 +247,7 @@ def make_scene(
             side: poses_over_frames(camera, drawn.shape[1]).apply(drawn)
             for side, drawn in samples.items()
         }
-    shots = common_shots(replace(last, hands=tuple(map(without_placeholders, last.hands))))
+    shots = common_shots(last)
     motion = concatenated(with_masks(shot_of(last, shot).object for shot in shots))
     met = seen_object(motion)
     distance_of = partial(_distances, cache(met.surface)) if met.meshes else None
@@ -261,6 +261,12 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), motion, last.fps, paced)
     return scene if body is None else with_body(scene, body)
+
+
+def seen_hands(sequence: Sequence) -> Sequence:
+    """A sequence without hands in no frame and without placeholders of keypoints."""
+    sequence = without_unseen(sequence)
+    return replace(sequence, hands=tuple(map(without_placeholders, sequence.hands)))
 
 
 def seen_object(motion: ObjectTrack) -> ObjectTrack:

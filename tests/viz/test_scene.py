@@ -87,6 +87,19 @@ def test_the_mesh_of_keypoints_alone_passes_through_them(scene):
     assert float((seen.verts - hand.verts).norm(dim=-1).mean()) < 0.004
 
 
+@pytest.mark.parametrize("parameters", [("pose", "wrist"), ()])
+def test_a_keypoint_that_was_never_seen_is_measured_where_the_hand_has_it(scene, parameters):
+    hand = scene.versions[0].hands[0]
+    own = {name: getattr(hand, name) for name in parameters}
+    joints, confidence = hand.joints.clone(), torch.ones(hand.joints.shape[:2])
+    joints[:, 8], confidence[:, 8] = torch.nan, 0.0
+    seen = HandTrack("right", hand.valid, joints, confidence=confidence, **own)
+    (shown,) = make_scene({"input": replace_hands(scene, seen)}).versions[0].hands
+    assert float((shown.joints - hand.joints).norm(dim=-1).max()) < 0.02
+    torch.testing.assert_close(shown.measures.fingers, hand.measures.fingers)
+    assert float(shown.measures.acceleration[1:-1].max()) < 0.1
+
+
 def replace_hands(scene, *hands):
     from geneoh.sequence.sequence import Sequence
 
