@@ -42,6 +42,13 @@ class ObjectExamination(Bundle):
     __eq__ = equal_values
     __repr__ = repr_by_shapes
 
+    @classmethod
+    def of_exact(cls, motion: ObjectTrack) -> "ObjectExamination":
+        """The examination of a track whose observed poses are all exact."""
+        quiet, none = motion.rotation.new_zeros(motion.rotation.shape[1]), ~motion.observed & False
+        seen = motion.observed.to(motion.rotation)
+        return cls(quiet, quiet, seen, none, none, none, quiet > 0, motion)
+
     @property
     def white_noise(self) -> Float[Tensor, " 2"]:
         """Largest white noise over parts, of the rotation (rad) and the translation (m)."""

@@ -121,9 +121,11 @@ def _reliance(
 ) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
     """Per frame, 0 to 1: whether the hand interacts with the object (`evidence_of_nearness`), and
     the reliability of the poses of the parts near it (`evidence_at_hand`)."""
-    if against is None or not chosen.clean_object:
-        return torch.full_like(relied[:, 0], float(against is not None)), relied.amin(1)
-    near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
+    if against is None:
+        return torch.zeros_like(relied[:, 0]), relied.amin(1)
+    near = torch.ones_like(relied[:, 0])
+    if chosen.clean_object:
+        near = evidence_of_nearness(subject.joints, against, hand.fps, hand.track.camera_ray)
     return near, evidence_at_hand(relied, subject.joints, against)
 
 

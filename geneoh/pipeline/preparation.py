@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import torch
 
 from geneoh.geometry.rigid import Rigid
+from geneoh.objects.evidence import evidence_of_poses
+from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.still_frame import still_frame
 from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.rays import with_found_rays
@@ -93,9 +95,14 @@ def prepared(sequence: Sequence, options: Options, stored: ObjectTrack) -> Prepa
     elif options.hand_delay:
         notes.append(OF_SHIFTED_HANDS)
     notes += filled_poses(stored) if chosen.has_object else ()
-    ready = Examined(sequence.hands, motion, torch.ones(motion.rotation.shape[:2]))
     if chosen.clean_object:
         ready = examined(sequence.hands, motion, sequence.fps, options.refine_object)
+    else:
+        relied = torch.ones(motion.rotation.shape[:2])
+        if chosen.has_object:
+            exact = ObjectExamination.of_exact(motion)
+            relied = evidence_of_poses(exact, motion, sequence.fps)[:, motion.seen_parts]
+        ready = Examined(sequence.hands, motion, relied)
     given = replace(sequence, hands=ready.hands)
     seen, ray_notes = with_found_rays(replace(given, object=ready.met), chosen)
     notes += [*ready.notes, *ray_notes]

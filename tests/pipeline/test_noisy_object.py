@@ -181,6 +181,15 @@ def test_an_exact_object_changes_nothing(clean):
     assert torch.equal(seen.sequence.hands[0].joints, trusted.sequence.hands[0].joints)
 
 
+def test_a_trusted_object_says_nothing_in_frames_without_its_pose(clean):
+    seen = (torch.arange(60) >= 30)[:, None]
+    late = replace(clean[:60], object=replace(clean[:60].object, valid=seen))
+    (hand,) = geneoh.denoise(late, replace(FAST, trust_object=True)).hands.values()
+    assert float(hand.evidence[:15].max()) < 0.05
+    assert float((hand.contact[:15] - 0.5).abs().max()) < 0.05
+    assert float(hand.evidence[45:].min()) > 0.95
+
+
 def test_a_note_counts_the_frames_of_the_track_and_not_those_of_the_networks(clean):
     motion = clean.object
     away = replace(motion, translation=motion.translation + torch.tensor([0.4, 0.0, 0.0]))

@@ -23,8 +23,8 @@ class Examined:
     hands: tuple[HandTrack, ...]
     object: ObjectTrack
     relied: Float[Tensor, "T Q"]
-    """Reliability, 0 to 1, of the poses of the parts that were ever seen; ones for all parts if the
-    object is trusted."""
+    """Reliability, 0 to 1, of the poses of the parts that were ever seen. With a trusted object,
+    only frames without a pose lower it."""
     undone: tuple[HandTrack, ...] = ()
     """The input tracks of the hands in which a filter was undone."""
     examination: ObjectExamination | None = None  # None if the object is trusted
