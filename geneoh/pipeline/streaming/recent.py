@@ -26,6 +26,7 @@ from geneoh.hand.model import HandModel
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
+from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.palms import palm_at
 from geneoh.pipeline.examination.faults import without_faults_of
 from geneoh.pipeline.examination.rays import FoundRay, found_ray
@@ -250,17 +251,16 @@ class RecentHand:
         """The cleaned object's surface, None without an object; per frame the reliability of its
         poses and the interaction of the hand with it, 0 to 1; and the white noise of its poses."""
         whole = subject.joints.new_ones(len(subject.joints))
-        relied, near, noise = whole[:, None], whole, None
         if surface is None:
             return None, whole, torch.zeros_like(whole), None
+        near, noise, examined = whole, None, ObjectExamination.of_exact(motion)
         if self._chosen.clean_object:
             palm = palm_at(subject.joints, subject.trust > 0)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
-            parts, noise = motion.seen_parts, examined.white_noise
-            relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, parts]
-            clean = motion.of_parts(parts)
+            noise, clean = examined.white_noise, motion.of_parts(motion.seen_parts)
             surface = replace(surface, rotation=clean.rotation, translation=clean.translation)
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
+        relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, motion.seen_parts]
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:

@@ -122,6 +122,16 @@ def test_fingers_that_touch_are_told_as_of_a_whole_track(clean, unmoved, fps):
     assert not told.isnan().any()
 
 
+def test_a_trusted_object_that_is_lost_says_nothing_of_the_fingers(clean, unmoved):
+    motion, lost = clean[20:60].object, torch.arange(40)[:, None, None] >= 20
+    places = motion.translation.masked_fill(lost, torch.nan)
+    clip = replace(clean[20:60], object=replace(motion, translation=places))
+    stream = Stream(motion.meshes, side="left", trust_object=True)
+    told = torch.stack([frame.contact for frame in pushed(stream, clip)])
+    assert float((told[:15] - 0.5).abs().max()) > 0.4
+    assert float((told[-5:] - 0.5).abs().max()) < 0.1
+
+
 def test_where_there_is_no_object_or_no_hand_no_finger_touches(noisy, unmoved):
     clip = noisy[:10]
     assert all(frame.contact is None for frame in pushed(Stream((), side="left"), clip))
