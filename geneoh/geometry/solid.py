@@ -3,8 +3,8 @@
 A point is inside where the winding number exceeds a half in absolute value, so a mesh turned inside
 out is the same solid. Holes, several shells and overlapping parts need no repair (Jacobson et al.
 2013; fast form: Barill et al. 2018). Three defects are repaired: faces that are duplicated to show
-both sides lose the copies, faces of a shell are oriented consistently, and an open sheet (a bowl
-without thickness) gets a wall, because no sign rule can distinguish its cavity from its inside.
+both sides lose the copies, faces and closed shells are oriented consistently, and an open sheet (a
+bowl without thickness) gets a wall, as no sign rule can distinguish its cavity from its inside.
 Solids are kept on the CPU, where libigl works.
 """
 
@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
+from geneoh.bundle import spread
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked_mesh, welded
 from geneoh.geometry.openings import connected, edge_keys, open_edges, rims, thickened
@@ -34,6 +35,7 @@ PLUGGED_WINDING = 0.25
 about a half behind a lid, one within a solid plug, and zero in free space."""
 PLUG_OFFSET = 0.05  # distance of these queries from the cap, per root of the opening's area
 SMALLEST_SHEET = 1e-3  # share of the mesh's area below which an open shell needs no wall
+TESTED_FACES = 64  # of a shell, where it is tested whether it lies within the others
 COARSE = 1.0
 """Accuracy of the first winding number query: three times as fast as libigl's default of 2, with a
 result within 0.09 on a recorded hand around a tool."""
@@ -99,6 +101,7 @@ def build_solid(mesh: Mesh) -> Solid:
             f"{float(mesh.extent().max()):.3g} m long; scale it to metres"
         )
     sheets, patches = agreeing(without_copies(whole))
+    sheets = with_shells_outward(sheets, patches)
     body = with_walls(sheets, patches)
     winding = winding_of(body)
     closed = not bool(open_edges(body.faces).any())
@@ -174,6 +177,37 @@ def agreeing(mesh: Mesh) -> tuple[Mesh, Int[Tensor, " F"]]:
     balance = area.new_zeros(int(patch.max()) + 1).index_add_(0, patch, vote)
     back = (balance < 0)[patch]
     return Mesh(mesh.verts, torch.where(back[:, None], turned.flip(-1), turned)), patch
+
+
+def with_shells_outward(mesh: Mesh, patches: Int[Tensor, " F"]) -> Mesh:
+    """The mesh with all closed shells pointing outward, except those within others, which bound
+    cavities: the winding numbers of shells that point opposite ways cancel where they overlap."""
+    corners = mesh.corners().double()
+    zeros = corners.new_zeros(int(patches.max()) + 1)
+    if len(zeros) == 1:
+        return mesh
+    a, b, c = (corners - corners.mean((0, 1))).unbind(-2)
+    volume = zeros.index_add(0, patches, (a * torch.linalg.cross(b, c)).sum(-1))
+    if float(volume.sum()) < 0:
+        mesh, volume = Mesh(mesh.verts, mesh.faces.flip(-1)), -volume
+        corners = corners.flip(-2)
+    _, edge, count = torch.unique(edge_keys(mesh.faces), return_inverse=True, return_counts=True)
+    closed = torch.ones_like(zeros, dtype=torch.bool)
+    closed[patches[(count[edge] != 2).any(-1)]] = False
+    inward = torch.nonzero(closed & (volume < 0))[:, 0].tolist()
+    if not inward:
+        return mesh
+    winding, probes = winding_of(mesh), torch.tensor(PROBES, dtype=torch.float64)
+    normals, turned = mesh.face_normals(), torch.zeros_like(patches, dtype=torch.bool)
+    for patch in inward:
+        own = torch.nonzero(patches == patch)[:, 0]
+        some = own[spread(len(own), min(len(own), TESTED_FACES))]
+        points = probes @ corners[some] - PROBE * normals[some, None]
+        points, shell = (places.flatten(0, 1).numpy() for places in (points, corners[own]))
+        alone = igl.winding_number(shell, np.arange(len(shell)).reshape(-1, 3), points)
+        within = np.abs(np.asarray(winding.winding_number(points, COARSE)) - alone) > 0.5
+        turned[own] = bool(within.mean() < 0.5)
+    return Mesh(mesh.verts, torch.where(turned[:, None], mesh.faces.flip(-1), mesh.faces))
 
 
 def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> Mesh:

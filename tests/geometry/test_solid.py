@@ -144,10 +144,29 @@ def test_faces_buried_by_another_shell_are_no_surface():
     assert bool(solid.contains(torch.tensor([[0.03, 0, 0], [0.0, 0.0, 0.04], [0.1, 0, 0]])).all())
 
 
-def test_hollow_shells_keep_their_cavity():
+@pytest.mark.parametrize("whole_inside_out", [True, False])
+def test_shells_that_overlap_and_point_opposite_ways_are_one_solid(torus, whole_inside_out):
+    rod = trimesh.creation.box((0.02, 0.02, 0.1)).apply_translation([0.05, 0, 0])
+    solid = build_solid(from_trimesh(trimesh.util.concatenate([torus, rod])))
+    rod.invert()
+    mixed = trimesh.util.concatenate([torus, rod])
+    if whole_inside_out:
+        mixed.invert()
+    points = 0.08 * torch.rand(1000, 3, generator=torch.Generator().manual_seed(0))
+    found, expected = build_solid(from_trimesh(mixed)), solid.contains(points)
+    assert 100 < int(expected.sum()) < 900
+    assert found.contains(points).equal(expected)
+    assert len(found.surface.faces) == len(solid.surface.faces)
+
+
+@pytest.mark.parametrize("whole_inside_out", [True, False])
+def test_hollow_shells_keep_their_cavity(whole_inside_out):
     outer, inner = trimesh.creation.icosphere(3, 0.05), trimesh.creation.icosphere(3, 0.04)
     inner.invert()
-    solid = build_solid(from_trimesh(trimesh.util.concatenate([outer, inner])))
+    both = trimesh.util.concatenate([outer, inner])
+    if whole_inside_out:
+        both.invert()
+    solid = build_solid(from_trimesh(both))
     assert solid.contains(torch.tensor([[0.0, 0, 0], [0.045, 0, 0]])).tolist() == [False, True]
     assert len(solid.surface.faces) == len(outer.faces) + len(inner.faces)
 
