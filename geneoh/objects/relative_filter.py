@@ -155,7 +155,7 @@ class Comparison:
 
 def compared(motion: ObjectTrack, part: int, palm: RigidMotion, fps: float) -> Comparison | None:
     """Compare a part with a palm; None if there is too little motion of either."""
-    if len(motion.rotation) < LEAST_BLOCKS * round(BLOCK_SECONDS * fps):
+    if len(motion.rotation) < LEAST_BLOCKS * max(1, round(BLOCK_SECONDS * fps)):
         return None
     blocks = products(motion, part, palm, fps)
     of_part = solved(blocks[:, :3, :3], fps)

@@ -92,6 +92,10 @@ def test_the_lines_that_fill_gaps_are_taken_for_no_filter(lost, of):
     assert found is None or found.filter_of_palm is found.filter_of_part is found.delay is None
 
 
+def test_a_single_frame_tells_nothing_at_any_rate():
+    assert comparison(replace(clip_of("recording")[60:61], fps=1.0)) is None
+
+
 def test_an_object_at_rest_tells_nothing():
     clip = clip_of("mug")
     still = clip.object.rotation[:1].expand_as(clip.object.rotation).clone()
