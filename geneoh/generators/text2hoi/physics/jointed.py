@@ -77,10 +77,17 @@ class JointedObject:
 
     @property
     def objects(self) -> Objects:
-        """A batch of this object alone, as input of the networks."""
-        axis, pivot = self.joint.axis[None], self.joint.pivot[None]
+        """A batch of this object alone, as input of the networks.
+
+        The pivot is the point of the axis that is nearest to the middle of the first part, or, of a
+        slide, that middle, as in made actions.
+        """
+        verts, axis, pivot = self.meshes[0].verts, self.joint.axis, self.joint.pivot
+        middle = (verts.amin(0) + verts.amax(0)) / 2
+        pivot = middle if self.joint.slides else pivot + (middle - pivot) @ axis * axis
         slides, part = torch.tensor([self.joint.slides]), self.part[None]
-        return replace(self.stood.objects, part=part, axis=axis, pivot=pivot, slides=slides)
+        found = {"part": part, "axis": axis[None], "pivot": pivot[None], "slides": slides}
+        return replace(self.stood.objects, **found)
 
     def guided(self, drawn: Actions) -> Actions:
         """Sampled actions with a joint that opens or closes within its range; see `guided`."""

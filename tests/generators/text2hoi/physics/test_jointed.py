@@ -37,6 +37,21 @@ def test_points_are_of_the_part_that_they_lie_on_and_the_joint_is_upright():
     assert torch.allclose(found.joint.axis, stood.rotation @ torch.tensor([-1.0, 0, 0]), atol=1e-6)
 
 
+@pytest.mark.parametrize("joint", [HINGE, "slide:0,1,0:5"])
+def test_networks_see_the_same_joint_wherever_the_origin_of_the_meshes_is(joint):
+    seen = []
+    for off in (torch.zeros(3), torch.tensor([1.0, -2.0, 0.5])):
+        meshes = tuple(replace(mesh, verts=mesh.verts + off) for mesh in box_with_lid())
+        stood = stand_on_table(joined(meshes), "y", generator=seeded())
+        found = Joint.read(joint)
+        found = replace(found, pivot=found.pivot + off + 3 * found.axis)
+        objects = JointedObject.of(meshes, stood, found, closes=False)[0].objects
+        middle = objects.points[0, objects.part[0] == 0].mean(0)
+        assert (objects.pivot[0] - middle).norm() < 0.1
+        seen.append(objects.motion)
+    assert torch.allclose(*seen, atol=1e-4)
+
+
 def test_a_part_that_is_tiny_beside_the_other_one_has_points_all_the_same():
     case, knob = cuboid((0.6, 0.4, 0.1), (0, 0, 0.05)), cuboid((0.01, 0.01, 0.01), (0, 0, 0.1052))
     meshes = from_trimesh(case), from_trimesh(knob)
