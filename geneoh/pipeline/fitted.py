@@ -27,7 +27,7 @@ from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages.alone import measure_hand
 from geneoh.pipeline.too_large import DepthLeft
-from geneoh.pipeline.touch import EXACT_WITHIN, finger_contact
+from geneoh.pipeline.touch import EXACT_WITHIN, finger_contact, fingers_apart
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
 
@@ -77,6 +77,17 @@ class FittedHand:
             free = fit_hand(self.target, trust, shaped, state, config=config)
         own = own_skeleton(free, self.target[0], trust[0], shaped)
         return self.subject.with_own_lengths(own).posed(state)[0]
+
+    def fingers_apart(self) -> Float[Tensor, "T 5"]:
+        """Signed distance of each finger of the result to the object, metres; see `touch`."""
+        assert self.surface is not None, "there is an object"
+        parts = [
+            fingers_apart(
+                self.state[some].verts(self.shaped)[0], self.surface.at(some), self.shaped.model
+            )
+            for some in blocks(len(self.near))
+        ]
+        return torch.cat(parts)
 
     def skin(self, frames: slice, *, given: bool = False) -> ChangingSurface:
         """The hand's surface in some frames, world frame, mirrored back for a left hand: of the

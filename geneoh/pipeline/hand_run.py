@@ -106,8 +106,8 @@ class HandRun:
         if against is None or ray is not None or not (chosen.clean_object and chosen.contact):
             return found
         counted = hand.track.observed & (found.evidence > 0.5)
-        left = depth_left(found.state, found.shaped, against, counted)
-        if left.evidence == 1:
+        left = depth_left(found.fingers_apart(), counted)
+        if left is None or left.evidence == 1:
             return found
         return replace(cleaned(near * left.evidence), left=left)
 
