@@ -26,6 +26,13 @@ def nearest(motion: ObjectTrack, rate: int) -> ObjectTrack:
     return replace(motion, rotation=motion.rotation[at], translation=motion.translation[at])
 
 
+def rested(motion: ObjectTrack, start: int, length: int) -> ObjectTrack:
+    """The track with a rest of some frames after the frame `start`, from which it goes on."""
+    at = torch.arange(FRAMES)
+    at[start + 1 :] = (at[start + 1 :] - length).clamp(min=start)
+    return replace(motion, rotation=motion.rotation[at], translation=motion.translation[at])
+
+
 def beside(first: ObjectTrack, second: ObjectTrack) -> ObjectTrack:
     """Both as the parts of one object."""
     rotation = torch.cat([first.rotation, second.rotation], dim=1)
@@ -60,30 +67,45 @@ def test_an_object_that_starts_and_stops_follows_a_curve_between_its_poses():
 
 def test_three_stops_are_enough_where_they_are_brief():
     """Such as those of a short carry whose poses come ten times a second; rests last longer."""
-    motion, at = swing(), torch.arange(FRAMES)
     for length, expected in ((2, 6), (10, 0)):
-        held = at.clone()
-        for start in (10, 25, 40):
-            held[start : start + length + 1] = start
-        slow = replace(motion, rotation=motion.rotation[held], translation=motion.translation[held])
+        slow = swing()
+        for start in (40, 25, 10):
+            slow = rested(slow, start, length)
         assert int(repeated_poses(slow).sum()) == expected
 
 
 def test_rests_and_single_repeats_are_motion():
-    motion, at = swing(), torch.arange(FRAMES)
+    motion = swing()
     assert without_repeats(motion)[0] is motion
-    rests = at.clone()
-    for start in (10, 30):
-        rests[start : start + 10] = start
-    rested = replace(motion, rotation=motion.rotation[rests], translation=motion.translation[rests])
-    assert without_repeats(rested)[0] is rested
-    slow = nearest(motion, 15)
-    slow.translation[40:50], slow.rotation[40:50] = slow.translation[40], slow.rotation[40]
+    halting = rested(rested(motion, 30, 9), 10, 9)
+    assert without_repeats(halting)[0] is halting
+    slow = rested(nearest(motion, 15), 40, 9)
     assert not repeated_poses(slow)[42:49].any()
     steps = torch.tensor([0.02, 0.02, 0.0, 0.0, 0.001, 0.001]).repeat(FRAMES // 6)
     halts = replace(motion, translation=steps.cumsum(0)[:, None, None].repeat(1, 1, 3))
     halts = replace(halts, rotation=torch.eye(3).repeat(FRAMES, 1, 1, 1))
     assert without_repeats(halts)[0] is halts  # and goes on slowly
+
+
+@pytest.mark.parametrize("length", [1, 3, 12])
+def test_a_single_stop_that_the_next_leap_makes_up_for_is_filled(length):
+    """As after a duplicated frame of a video and a dropped one."""
+    motion, held = swing(), torch.arange(FRAMES)
+    held[20 : 21 + length] = 20
+    stutters = replace(motion, rotation=motion.rotation[held], translation=motion.translation[held])
+    filled, told = without_repeats(stutters)
+    assert torch.nonzero(~filled.valid)[:, 0].tolist() == list(range(21, 21 + length))
+    off, before = (
+        (each.translation - motion.translation).norm(dim=-1).max() for each in (filled, stutters)
+    )
+    assert off < 0.06 * before
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("length", [1, 3, 8])
+def test_a_single_stop_after_which_the_object_goes_on_as_before_is_motion(length):
+    halting = rested(swing(), 20, length)
+    assert without_repeats(halting)[0] is halting
 
 
 def test_what_turns_back_stands_still_for_a_moment():
