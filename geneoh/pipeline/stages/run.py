@@ -21,6 +21,7 @@ from geneoh.pipeline.stages.context import StageContext, repeated, stage_context
 from geneoh.pipeline.stages.denoising import denoise_motion, denoise_spatial, denoise_temporal
 from geneoh.pipeline.stages.jitter import without_jitter, without_jitter_over_object
 from geneoh.pipeline.stages.paper import denoise_latent, denoise_relations, denoise_trajectory
+from geneoh.pipeline.stages.travelling import travelled
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks
@@ -78,11 +79,29 @@ class StageRun:
             if width is not None:
                 near = near * evidence_of_place(width)
         if samples is None or bool((near * poses < 1).any()):
-            alone = replace(hand_alone(self.subject, fps), ray=ray)
-            free, _ = self.samples(alone, chosen.alone())
-            free = without_jitter(free, self.subject.joints, fps)
+            free = self._alone(chosen.alone(), fps, ray)
             samples = free if samples is None else blended(free, samples, poses, near, fps)
         return samples, near
+
+    def _alone(
+        self, preset: Preset, fps: float, ray: Float[Tensor, "T 3"] | None
+    ) -> Float[Tensor, "S T 21 3"]:
+        """Samples of the hand alone, in a frame that moves with it where it travels."""
+        along = travelled(self.subject.joints, fps)
+        if not bool(along.any()):
+            return self._alone_here(preset, fps, ray)
+        subject = replace(self.subject, joints=self.subject.joints - along[:, None])
+        given = replace(self.given, wrist=self.given.wrist - along)
+        beside = replace(self, subject=subject, given=given)
+        return beside._alone_here(preset, fps, ray) + along[:, None]
+
+    def _alone_here(
+        self, preset: Preset, fps: float, ray: Float[Tensor, "T 3"] | None
+    ) -> Float[Tensor, "S T 21 3"]:
+        """Samples of the hand alone, in a frame that is fixed where the hand is given."""
+        context = replace(hand_alone(self.subject, fps), ray=ray)
+        free, _ = self.samples(context, preset)
+        return without_jitter(free, self.subject.joints, fps)
 
     def samples(
         self, context: StageContext, preset: Preset
