@@ -20,6 +20,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.objects.examination import ObjectExamination
+from geneoh.objects.facing import at_palm
 from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
@@ -143,8 +144,9 @@ def evidence_of_nearness(
     """Interaction of a hand with its object in each frame, 0 to 1.
 
     It is 0 in all frames if the hand never comes near; and in frames in which the hand is apart,
-    moves beside the object without a touch, or all parts spin in the hand. `ray` is the unit
-    direction from the camera to the hand, along which the hand may have a large error.
+    moves beside the object without a touch, has it at its back, or all parts spin in the hand. It
+    is a right hand. `ray` is the unit direction from the camera to the hand, along which the hand
+    may have a large error.
     """
     nearest = distance_of_nearest(joints, surface).cpu()
     deals = share_between(nearest.min(), NEAR, AWAY)
@@ -154,7 +156,8 @@ def evidence_of_nearness(
     least = minimum_filter1d(beside, 2 * round(2 * fade) + 1, mode="nearest")
     smooth = gaussian_filter1d(least, fade, mode="nearest")
     near = float(deals) * torch.from_numpy(smooth).to(joints)
-    return near * touching(joints, surface, fps, ray) * gripping(joints, surface, fps)
+    facing = at_palm(joints, surface, SMOOTHED * fps / 30, TOUCH_FRAMES * fps / 30)
+    return near * facing * touching(joints, surface, fps, ray) * gripping(joints, surface, fps)
 
 
 def touching(
@@ -284,6 +287,6 @@ def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
     if count := int((evidence < 0.5).sum()):
         yield (
             f"in {numbered(count, 'frame')} the object is too noisy, too long unseen or too far "
-            "away to rely on, does not seem to be touched or spins in the hand: there the hand is "
-            "cleaned mostly by the prior of hand motion alone"
+            "away to rely on, does not seem to be touched, is at the back of the hand or spins in "
+            "it: there the hand is cleaned mostly by the prior of hand motion alone"
         )
