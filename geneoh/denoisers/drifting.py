@@ -29,9 +29,10 @@ RAY_SIZES = (0.0, 0.005, 0.01)
 LOOSE_HOLD, LEAST_HELD = 0.02, 1e-6
 """Standard deviation of the position of a hand that holds the object with probability 0.5, metres;
 and the lower bound of this probability, which keeps the variance of a free hand finite."""
-FAR_FROM_MEDIAN = 0.04
+FAR_FROM_MEDIAN = 0.025
 """Distance from the median position on the object, metres, at which a frame loses half its weight:
-the hand holds the object elsewhere, or the object's pose is wrong."""
+the hand holds the object elsewhere, as one that screws a lid or takes the object in another way, or
+the object's pose is wrong."""
 FITTED_EVERY = 3
 """Every third frame enters the Gaussian process."""
 

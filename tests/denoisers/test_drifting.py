@@ -58,6 +58,17 @@ def test_a_hand_that_slides_slowly_is_left_alone():
     assert size(drift(held, EXACT)) < 0.1 * size(slid[None])
 
 
+@pytest.mark.parametrize("step", [0.03, 0.04])
+def test_a_hand_that_grips_anew_is_left_alone(step):
+    """As one that screws a lid: it lets go, and takes the object a step further."""
+    held, grip = held_with(torch.zeros(1, FRAMES, 3)), torch.arange(FRAMES) * 3 // FRAMES
+    place = held.place + step * (grip[:, None] - 1) * torch.tensor([0.8, 0.6, 0.0])
+    sure = held.sure.clone()
+    sure[:, [*range(35, 45), *range(75, 85)]] = 0
+    found = drift(HeldPlace(place, held.rotation, sure), EXACT)
+    assert float(found[sure > 0].norm(dim=-1).max()) < 0.0001
+
+
 def test_what_is_known_of_the_ray_helps():
     along = wandering(torch.Generator().manual_seed(1), 0.01)[..., :1] * RAY
     across = 0.004 * torch.linalg.cross(RAY, torch.tensor([0.0, 0, 1]).expand_as(RAY))
