@@ -20,9 +20,9 @@ WELD_TOLERANCE = 1e-6
 """Side in metres of the grid cells whose vertices are merged. It does not grow with the mesh:
 otherwise one far vertex would merge the whole object."""
 
-LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
-"""Range of the longest side of an object that a hand holds, metres; beyond it the unit is probably
-wrong."""
+LARGEST_OBJECT, SMALLEST_OBJECT = 2.2, 0.005
+"""Range of the longest side of an object that a hand holds or opens, as a door, metres; beyond it
+the unit is probably wrong."""
 
 LARGEST_ROOM = 20.0  # longest side of a scan of surroundings, metres
 

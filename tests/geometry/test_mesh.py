@@ -40,8 +40,12 @@ def test_inches_are_named_where_they_fit(ball, scale, named):
 
 @pytest.mark.parametrize(("size", "named"), [(6.0, True), (150.0, False)])
 def test_a_room_is_told_to_be_cut(size, named):
-    words = "; if it is a room or a large thing, give the part that hands touch, at most 2 m long"
+    words = "; if it is a room or a large thing, give the part that hands touch, at most 2.2 m long"
     assert (words in size_warning(from_trimesh(trimesh.creation.box((size, 4, 2.5))))) == named
+
+
+def test_a_door_is_not_too_large():
+    assert size_warning(from_trimesh(trimesh.creation.box((0.9, 0.05, 2.1)))) is None
 
 
 def test_mirrored_mesh_still_looks_outward(ball):
