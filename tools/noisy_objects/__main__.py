@@ -6,7 +6,8 @@ every noise of the object), `shaken` (hands that shake their object), `beside` a
 `hovering` (hands that move 6 or 1.5 cm beside an object and hold nothing), `filmed` (a still and a
 moving camera), `tracked` (the moving one with noisy poses of it), `filmed_trusted` (without removal
 of its motion), `large` (objects that are joined to furniture), `enclosed` (meshes that are convex
-hulls or boxes), `enclosed_trusted` (the same, relied on), `round` (objects with symmetry),
+hulls or boxes), `enclosed_trusted` (the same, relied on), `tray` (hands that carry a tray on their
+backs), `walked` (hands alone of someone who stands or walks), `round` (objects with symmetry),
 `refined` (the object itself), `white` (the same with noise that does not drift), `filtered` (hands
 or objects that went through a filter, or come late, and the other did not), `alone` (hands without
 their object) or `limits` (what may be reached at best). SEEDS is 5 unless it is given. Rows are

@@ -19,9 +19,11 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.placing import placed
@@ -54,6 +56,14 @@ BOX, BOX_AWAY = 1.0, 0.6
 """Sides of the box, and distance of its top below the object's middle in its frame, metres."""
 HULL, BOXED = "hull of ", "box of "
 """The same clip with the convex hull of the object, or a box around it, for the object's mesh."""
+WALKED = "walked "
+"""The same clip of someone who walks, at `SPEED`, and bobs by `BOB` twice a second."""
+SPEED, BOB = 1.3, 0.03
+"""Metres a second, and amplitude in metres."""
+TRAY = "tray on the back of "
+"""The clip's hand with a tray on its back, which it carries, for the object."""
+TRAY_SIZE, SKIN = (0.25, 0.2, 0.02), 0.011
+"""Sides of the tray, and thickness of the hand over the keypoints of the palm, metres."""
 OFF, NEAR = 0.06, 0.015
 """Median over frames of the distance from its nearest keypoint to the object, metres, in clips
 `BESIDE` (at least) and `HOVERING`."""
@@ -213,6 +223,29 @@ def with_shape(sequence: Sequence, shape: trimesh.Trimesh) -> Sequence:
     return replace(sequence, object=replace(sequence.object, meshes=(Mesh(verts, faces),)))
 
 
+def walked(sequence: Sequence) -> Sequence:
+    """A clip of someone who walks."""
+    time = torch.arange(sequence.frames) / sequence.fps
+    bob = BOB * torch.sin(2 * math.pi * 2 * time)
+    still = torch.eye(3).expand(sequence.frames, 3, 3)
+    return placed(sequence, Rigid(still, torch.stack([SPEED * time, 0 * time, bob], dim=1)))
+
+
+def with_tray(sequence: Sequence) -> Sequence:
+    """A clip with a tray on the back of its hand for the object."""
+    joints = sequence.hands[0].joints
+    assert joints is not None, "every clip has joints"
+    axes, palm = palm_axes(joints[:, None]), joints[:, list(PALM)]
+    bent = joints[:, sorted(TIP_KEYPOINTS)[1:]].mean(1) - palm.mean(1)
+    up = -axes[..., 2] * (bent * axes[..., 2]).sum(-1, keepdim=True).sign()  # away from the tips
+    turn = torch.stack([axes[..., 0], torch.linalg.cross(up, axes[..., 0]), up], dim=-1)
+    height = ((palm - palm.mean(1, keepdim=True)) * up[:, None]).sum(-1).amax(1)
+    place = palm.mean(1) + (height + SKIN + TRAY_SIZE[2] / 2)[:, None] * up
+    box = trimesh.creation.box(TRAY_SIZE)
+    mesh = Mesh(torch.from_numpy(box.vertices).float(), torch.from_numpy(box.faces))
+    return replace(sequence, object=ObjectTrack((mesh,), turn[:, None], place[:, None]))
+
+
 CHANGES = {
     SHAKEN: shaken,
     BESIDE: beside,
@@ -222,6 +255,8 @@ CHANGES = {
     LARGE: large,
     HULL: hull_of,
     BOXED: box_of,
+    WALKED: walked,
+    TRAY: with_tray,
 }
 
 

@@ -24,6 +24,8 @@ from tools.noisy_objects.clips import (
     SHAKEN,
     SPINS,
     TRACKED,
+    TRAY,
+    WALKED,
     WhiteNoise,
 )
 from tools.noisy_objects.filters import ObjectFilter
@@ -44,6 +46,7 @@ TRACKED_CLIPS = tuple(TRACKED + name for name in (RECORDING, "mug", "bottle", "p
 FILMED_NOISES = ("clean", "gauss", "beta", "bias")
 LASTING_NOISES = (*FILMED_NOISES, "camera")
 LARGE_CLIPS = tuple(before + name for name in CLIPS for before in ("", LARGE))
+WALKED_CLIPS = tuple(before + name for name in CLIPS for before in ("", WALKED))
 ENCLOSED = (*CLIPS, ROUND_SCANS[1])
 ENCLOSED_CLIPS = tuple(before + name for name in ENCLOSED for before in ("", HULL, BOXED))
 USUAL: dict[str, Any] = {"preset": "default"}
@@ -66,6 +69,8 @@ GRIDS: dict[str, Grid] = {
     "large": (LARGE_CLIPS, LASTING_NOISES, ("exact",), {}),
     "enclosed": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {}),
     "enclosed_trusted": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {"trusted": True}),
+    "tray": (tuple(TRAY + name for name in CLIPS), LASTING_NOISES, ("exact",), {}),
+    "walked": (WALKED_CLIPS, LASTING_NOISES, ("exact",), {"alone": True}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
     "refined": (CLIPS, ("gauss",), OBJECT_NOISES, {}),
     "white": (CLIPS, ("gauss",), get_args(WhiteNoise), {}),
