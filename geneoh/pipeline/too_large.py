@@ -41,8 +41,9 @@ class DepthLeft:
             yield (
                 f"cleaned against the object, fingers stay {1000 * self.depth:.0f} mm deep in it: "
                 "its mesh seems to be larger than the object, as a convex hull or a box of a "
-                f"hollow object, so the hand is cleaned {mostly}by the prior of hand motion alone; "
-                "give the mesh of the object itself, or --trust-object to rely on this one"
+                "hollow one, or hand or poses are off their place, so the hand is cleaned "
+                f"{mostly}by the prior of hand motion alone; give the mesh of the object itself, "
+                "or --trust-object to rely on this one"
             )
 
 
