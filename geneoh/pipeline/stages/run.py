@@ -88,20 +88,11 @@ class StageRun:
     ) -> Float[Tensor, "S T 21 3"]:
         """Samples of the hand alone, in a frame that moves with it where it travels."""
         along = travelled(self.subject.joints, fps)
-        if not bool(along.any()):
-            return self._alone_here(preset, fps, ray)
         subject = replace(self.subject, joints=self.subject.joints - along[:, None])
         given = replace(self.given, wrist=self.given.wrist - along)
-        beside = replace(self, subject=subject, given=given)
-        return beside._alone_here(preset, fps, ray) + along[:, None]
-
-    def _alone_here(
-        self, preset: Preset, fps: float, ray: Float[Tensor, "T 3"] | None
-    ) -> Float[Tensor, "S T 21 3"]:
-        """Samples of the hand alone, in a frame that is fixed where the hand is given."""
-        context = replace(hand_alone(self.subject, fps), ray=ray)
-        free, _ = self.samples(context, preset)
-        return without_jitter(free, self.subject.joints, fps)
+        context = replace(hand_alone(subject, fps), ray=ray)
+        free, _ = replace(self, subject=subject, given=given).samples(context, preset)
+        return without_jitter(free, subject.joints, fps) + along[:, None]
 
     def samples(
         self, context: StageContext, preset: Preset
