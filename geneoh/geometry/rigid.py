@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -33,6 +33,10 @@ class Rigid:
     def apply(self, points: Float[Tensor, "*#B P 3"]) -> Float[Tensor, "*#B P 3"]:
         """The P points of each batch entry in the other frame; batch axes broadcast."""
         return points @ self.rotation.transpose(-1, -2) + self.translation[..., None, :]
+
+    def at(self, chosen: Bool[Tensor, " T"] | Int[Tensor, " N"]) -> "Rigid":
+        """The motion at some of the entries of the first batch axis."""
+        return Rigid(self.rotation[chosen], self.translation[chosen])
 
     def inverse(self) -> "Rigid":
         """The inverse motion: pose_from_to."""

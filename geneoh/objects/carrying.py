@@ -82,15 +82,25 @@ def moves_with(
     the part moves at the hand."""
     around = torch.arange(len(seen), device=seen.device)
     around = around[seen & ((around - frame).abs() <= COMPARED_FRAMES)]
-    there = Rigid(pose.rotation[around], pose.translation[around])
+    there = pose.at(around)
     own = there.inverse().apply(middle[around, None])[:, 0]
-    carried = there.apply(own.mean(0)[None])[:, 0]
-    over, moved = _scatter(own), _scatter(carried)
+    over, moved = scatters(there, own)
     steady = around[2:] - around[:-2] == 2
     if bool(steady.any()):  # subtract the white noise of the hand
         noise = own.diff(n=2, dim=0)[steady].square().sum(-1).mean() / 6
         over = (over - noise).clamp(min=0)
-    return torch.where(moved < REST_DEVIATION**2, 1.0, 2 * (1 - (over / moved).sqrt())).clamp(0, 1)
+    return torch.where(moved < REST_DEVIATION**2, 1.0, carried(over, moved))
+
+
+def scatters(pose: Rigid, own: Float[Tensor, "N 3"]) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
+    """How far a point moves over a rigid body, as the variance of its place `own` in the body's
+    frame, and how far the body moves there, as that of its mean place in the world; metres²."""
+    return _scatter(own), _scatter(pose.apply(own.mean(0)[None])[:, 0])
+
+
+def carried(over: Float[Tensor, ""], moved: Float[Tensor, ""]) -> Float[Tensor, ""]:
+    """Whether a body carries a point, 1 to 0, by their `scatters`."""
+    return (2 * (1 - (over / moved).sqrt())).clamp(0, 1)
 
 
 def _scatter(path: Float[Tensor, "N 3"]) -> Float[Tensor, ""]:

@@ -18,6 +18,7 @@ from scipy.ndimage import binary_erosion, gaussian_filter1d
 from torch import Tensor
 
 from geneoh.objects.palms import RigidMotion
+from geneoh.objects.smoothing import interpolated
 from geneoh.sequence.sequence import ObjectTrack
 
 PALM_LEVER = 0.05
@@ -183,6 +184,10 @@ def products(
     near &= binary_erosion(palm.seen, iterations=max(1, round(GAP_SECONDS * fps)), border_value=1)
     if not near.any():
         return np.zeros((0, 5, 5))
+    if not palm.seen.all():  # on a line in the world, a lost palm would leave the part
+        path = interpolated(seen.reshape(len(seen), -1), palm.seen)
+        seen = path.reshape(seen.shape)
+        points = seen @ turns.swapaxes(1, 2) + places
     carried = seen[near].mean(0) @ turns.swapaxes(1, 2) + places
     rates = [r @ turns for moved in (carried, points) for r in (rate(moved), rate(rate(moved)))]
     smooth, slow = JITTER_SECONDS * fps, SLOW_SECONDS * fps

@@ -177,7 +177,7 @@ def clean_interaction(
         for found, hand in zip(fitted, ready.hands, strict=True)
     }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
-    kept = sequence.object
+    kept = sequence.object.filled_from(ready.examined.object)
     if options.refine_object and examination is not None:
         kept = refine_object(ready.examined.object, examination, hands, sequence.fps)
         notes += [EXACT] if _same_poses(kept, sequence.object) else []

@@ -8,6 +8,8 @@ import torch
 from geneoh.geometry.rigid import Rigid
 from geneoh.objects.evidence import evidence_of_poses
 from geneoh.objects.examination import ObjectExamination
+from geneoh.objects.held_in_gaps import held_in_gaps
+from geneoh.objects.palms import palm_of
 from geneoh.objects.still_frame import still_frame
 from geneoh.pipeline.examination.examined import Examined, examined
 from geneoh.pipeline.examination.rays import with_found_rays
@@ -15,6 +17,7 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult
 from geneoh.sequence.gaps import filled_poses
+from geneoh.sequence.lines import poses_on_lines, without_lines
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.placing import in_world, placed, placed_hand
 from geneoh.sequence.repeats import repeated_poses, without_repeats
@@ -102,6 +105,7 @@ def prepared(sequence: Sequence, options: Options, stored: ObjectTrack) -> Prepa
         if chosen.has_object:
             exact = ObjectExamination.of_exact(motion)
             relied = evidence_of_poses(exact, motion, sequence.fps)[:, motion.seen_parts]
+            motion = held_in_gaps(motion, map(palm_of, sequence.hands))
         ready = Examined(sequence.hands, motion, relied)
     given = replace(sequence, hands=ready.hands)
     seen, ray_notes = with_found_rays(replace(given, object=ready.met), chosen)
@@ -123,11 +127,14 @@ def brought_to_world(
     given: Sequence, camera: Rigid, options: Options
 ) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence of a moving camera in the world, and notes: poses of the object that a slower
-    sensor repeats are known in the camera's frame alone, as they do not repeat in the world."""
+    sensor repeats, or that are on lines, are known in the camera's frame alone."""
     world = in_world(given, camera)
     if not options.resolved().clean_object:
         return world, ()
-    motion, notes = without_repeats(world.object, repeated_poses(given.object, camera_moves=True))
+    repeats = repeated_poses(given.object, camera_moves=True)
+    motion, repeated = without_repeats(world.object, repeats)
+    motion, lines = without_lines(motion, poses_on_lines(given.object))
+    notes = (*lines, *repeated)
     told = (OF_OTHER_POSES,) if notes and not options.refine_object else ()
     return replace(world, object=motion), (*notes, *told)
 

@@ -161,13 +161,10 @@ class Denoised(Bundle):
     def seen_from(self, camera: Rigid, given: Sequence) -> "Denoised":
         """The result for a sequence that was given in the frame of a moving camera and cleaned in
         the world. Poses of the object stay as they were, unless they were filled or refined."""
-        back, own = camera.inverse(), given.object
-        motion, examined = placed_object(self.sequence.object, back), self.examined
+        back, examined = camera.inverse(), self.examined
+        motion = placed_object(self.sequence.object, back)
         if not self.options.refine_object:
-            lost = (~own.observed & own.observed.any(0))[..., None]
-            turns = torch.where(lost[..., None], motion.rotation, own.rotation)
-            places = torch.where(lost, motion.translation, own.translation)
-            motion = replace(motion, rotation=turns, translation=places, valid=own.valid)
+            motion = given.object.filled_from(motion)
         if examined is not None:
             examined = replace(examined, aligned=placed_object(examined.aligned, back))
         hands = {side: hand.placed(back) for side, hand in self.hands.items()}

@@ -234,11 +234,14 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
 
 
 def filled_poses(motion: ObjectTrack) -> Iterator[str]:
-    """Notes for the user about the poses that `fill_object` filled in."""
+    """Notes for the user about poses that were missing: `fill_object` and cleaning fill them in."""
     for part, count in enumerate((~motion.observed).sum(0).tolist()):
         name = motion.name_of(part)
         if count == len(motion.rotation):
             yield f"{name} was never seen: its poses say nothing, the hand is cleaned without it"
         elif count:
             frames = numbered(count, "frame")
-            yield f"{frames} without a pose of {name}, filled from the frames around"
+            yield (
+                f"{frames} without a pose of {name}, filled from the frames around, and where a "
+                "hand moves it by the hand"
+            )

@@ -191,6 +191,16 @@ class ObjectTrack(Bundle):
         """Points of the world frame, transformed to the frame of a part in each frame, metres."""
         return (points - self.translation[:, part, None]) @ self.rotation[:, part]
 
+    def filled_from(self, other: "ObjectTrack") -> "ObjectTrack":
+        """The track with the poses of another one where a part was not observed, unless it never
+        was."""
+        lost = (~self.observed & self.observed.any(0))[..., None]
+        if not bool(lost.any()):
+            return self
+        rotation = torch.where(lost[..., None], other.rotation, self.rotation)
+        translation = torch.where(lost, other.translation, self.translation)
+        return replace(self, rotation=rotation, translation=translation)
+
     def of_parts(self, parts: list[int]) -> "ObjectTrack":
         """The track of some of the parts alone."""
         return replace(

@@ -92,6 +92,17 @@ def test_the_lines_that_fill_gaps_are_taken_for_no_filter(lost, of):
     assert found is None or found.filter_of_palm is found.filter_of_part is found.delay is None
 
 
+@pytest.mark.parametrize(("start", "length"), [(46, 8), (37, 12), (43, 12)])
+def test_a_hand_that_is_lost_on_the_way_was_not_filtered(start, length):
+    """The object moves by a decimetre in the gap, and the line that fills it does not."""
+    clip = clip_of("ycb_035_power_drill.ply")
+    hand = clip.hands[0]
+    valid = torch.ones(clip.frames, dtype=torch.bool)
+    valid[start : start + length] = False
+    found = compared(clip.object, 0, palm_of(replace(hand, valid=valid)), clip.fps)
+    assert found.filter_of_palm is found.filter_of_part is found.delay is None
+
+
 def test_a_single_frame_tells_nothing_at_any_rate():
     assert comparison(replace(clip_of("recording")[60:61], fps=1.0)) is None
 

@@ -107,7 +107,8 @@ def test_filled_poses_are_told_part_by_part():
     ball = Mesh(torch.eye(3), torch.tensor([[0, 1, 2]]))
     motion = fill_object(ObjectTrack((ball,) * 3, turn, torch.zeros(5, 3, 3)), seen)
     assert list(filled_poses(motion)) == [
-        "2 frames without a pose of part 1 of the object, filled from the frames around",
+        "2 frames without a pose of part 1 of the object, filled from the frames around, and where "
+        "a hand moves it by the hand",
         "part 3 of the object was never seen: its poses say nothing, the hand is cleaned without "
         "it",
     ]

@@ -23,6 +23,7 @@ from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
@@ -80,7 +81,10 @@ SPINS = "spins"
 HandNoise = Literal[Noise, "clean"]
 WhiteNoise = Literal["turn 2", "turn 10", "place 2", "place 10", "both 2", "both 10"]
 """White noise, by its standard deviation per axis in degrees and millimetres."""
-ObjectKind = Literal[ObjectNoise, WhiteNoise, ObjectFilter, "exact", "spins"]
+Gap = Literal["lost 10", "lost 30", "on a line 10", "on a line 30"]
+"""Number of frames without a pose, in one gap where they are farthest from a straight line; or with
+poses on this line, without a mark."""
+ObjectKind = Literal[ObjectNoise, WhiteNoise, ObjectFilter, Gap, "exact", "spins"]
 
 
 @cache
@@ -286,9 +290,27 @@ def with_noisy_object(
         return with_spins(sequence, symmetry, generator)
     if kind in get_args(ObjectFilter):
         return filtered_as(sequence, cast(ObjectFilter, kind))
+    if kind in get_args(Gap):
+        return with_gap(sequence, kind)
     if kind in get_args(WhiteNoise):
         return with_white_noise(sequence, kind, generator)
     return corrupt_object(sequence, cast(ObjectNoise, kind), generator=generator)
+
+
+def with_gap(sequence: Sequence, kind: str) -> Sequence:
+    """The clip with a `Gap` in the poses of its object."""
+    name, length = kind.rsplit(" ", 1)
+    motion, frames = sequence.object, sequence.frames
+    middles = motion.translation + motion.rotation @ motion.meshes[0].center()
+    tries = []
+    for start in range(1, frames - int(length)):
+        seen = torch.ones(frames, 1, dtype=torch.bool)
+        seen[start : start + int(length)] = False
+        filled = fill_object(motion, seen)
+        places = filled.translation + filled.rotation @ motion.meshes[0].center()
+        tries.append((float((places - middles).norm(dim=-1).mean()), start, filled))
+    _, _, filled = max(tries)
+    return replace(sequence, object=filled if name == "lost" else replace(filled, valid=None))
 
 
 def with_white_noise(sequence: Sequence, kind: str, generator: torch.Generator) -> Sequence:

@@ -26,6 +26,7 @@ from tools.noisy_objects.clips import (
     TRACKED,
     TRAY,
     WALKED,
+    Gap,
     WhiteNoise,
 )
 from tools.noisy_objects.filters import ObjectFilter
@@ -69,6 +70,7 @@ GRIDS: dict[str, Grid] = {
     "large": (LARGE_CLIPS, LASTING_NOISES, ("exact",), {}),
     "enclosed": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {}),
     "enclosed_trusted": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {"trusted": True}),
+    "gaps": (CLIPS, LASTING_NOISES, ("exact", *get_args(Gap)), {}),
     "tray": (tuple(TRAY + name for name in CLIPS), LASTING_NOISES, ("exact",), {}),
     "walked": (WALKED_CLIPS, LASTING_NOISES, ("exact",), {"alone": True}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),

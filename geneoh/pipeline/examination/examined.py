@@ -9,9 +9,11 @@ from torch import Tensor
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_poses
 from geneoh.objects.examination import ObjectExamination
+from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_of
 from geneoh.objects.sharpening import sharpened
 from geneoh.readers.checks.delay import hand_delay
+from geneoh.sequence.lines import without_lines
 from geneoh.sequence.repeats import without_repeats
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
@@ -44,8 +46,10 @@ def examined(
 
     `refined` is whether the result has poses of the object that agree with the clean hands."""
     palms = tuple(map(palm_of, hands))
+    motion, lines = without_lines(motion)
     motion, repeated = without_repeats(motion)
     motion, examination = clean_object(motion, fps, palms)
+    motion = held_in_gaps(motion, palms)
     delays = tuple(hand_delay(hand, motion, fps) for hand in hands)
     sharp = sharpened(hands, palms, delays, motion, examination, fps)
     relied = evidence_of_poses(examination, sharp.object, fps, sharp.error)
@@ -55,5 +59,5 @@ def examined(
         relied=relied[:, sharp.object.seen_parts],
         undone=tuple(h for h, new in zip(hands, sharp.hands, strict=True) if new is not h),
         examination=examination,
-        notes=(*repeated, *examination.sentences(refined), *sharp.notes),
+        notes=(*lines, *repeated, *examination.sentences(refined), *sharp.notes),
     )

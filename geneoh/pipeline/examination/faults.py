@@ -26,6 +26,7 @@ from geneoh.pipeline.examination.stray import without_strays
 from geneoh.readers.checks.hands import finger_curls, palm_length
 from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
+from geneoh.sequence.lines import on_lines
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.shots import SHOT_SECONDS, paths_of, shots_of
 from geneoh.sequence.windows import runs
@@ -159,6 +160,11 @@ def _repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
     return found
 
 
+def interpolated(track: KeypointTrack) -> Bool[Tensor, " T"]:
+    """Frames in which the wrist is on a line between others, as where lost frames were filled."""
+    return on_lines(track.joints[:, 0], track.trusted[:, 0])
+
+
 def stiff(track: KeypointTrack) -> Bool[Tensor, " T"]:
     """Frames with a constant finger pose, such as a mean pose, while the hand moves."""
     found, still = track.nothing, standing(track.joints)
@@ -236,6 +242,7 @@ def other_side(track: KeypointTrack) -> Bool[Tensor, " T"]:
 
 FAULTS = (
     (_repeated, "repeats the frame before, between two leaps,", False),
+    (interpolated, "moves on straight lines at an exactly even speed", False),
     (stiff, "has fingers that keep still, between two leaps,", True),
     (displaced, "leaps farther than a hand can move", False),
     (turned_over, "turns faster than a hand can turn", False),

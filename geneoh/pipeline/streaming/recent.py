@@ -27,6 +27,7 @@ from geneoh.objects.carrying import carrier_of
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.examination import ObjectExamination
+from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_at
 from geneoh.pipeline.examination.faults import without_faults_of
 from geneoh.pipeline.examination.rays import FoundRay, found_ray
@@ -257,6 +258,7 @@ class RecentHand:
         if self._chosen.clean_object:
             palm = palm_at(subject.joints, subject.trust > 0)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
+            motion = held_in_gaps(motion, (palm,))
             noise, clean = examined.white_noise, motion.of_parts(motion.seen_parts)
             surface = replace(surface, rotation=clean.rotation, translation=clean.translation)
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)

@@ -10,6 +10,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.examination.faults import without_faults
+from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
@@ -97,6 +98,19 @@ def test_a_frozen_hand_is_missing_but_for_its_first_frame(noisy):
     given = replace(noisy, hands=(frozen,))
     assert missing(given) == list(range(FROM + 1, UNTIL))
     assert "repeats the frame before" in without_faults(given)[1][0]
+
+
+@pytest.mark.parametrize("keys", [False, True])
+def test_frames_that_a_program_filled_on_lines_are_missing(noisy, keys):
+    (hand,) = noisy.hands
+    hand = replace(hand, pose=None, wrist=None, betas=None) if keys else hand
+    valid = hand.valid.clone()
+    valid[FROM:UNTIL] = False
+    filled = replace(fill_gaps(replace(hand, valid=valid)), valid=hand.valid)
+    given = replace(noisy, hands=(filled,))
+    assert missing(given) == list(range(FROM, UNTIL))
+    (said,) = without_faults(given)[1]
+    assert "moves on straight lines at an exactly even speed in 7 frames" in said
 
 
 @pytest.mark.parametrize("keys", [False, True])
