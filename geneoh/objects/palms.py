@@ -49,6 +49,8 @@ class RigidMotion:
     @property
     def is_long(self) -> bool:
         """Whether enough consecutive frames are seen to distinguish noise from motion."""
+        if len(self.seen) < LEAST_FRAMES:
+            return False
         return bool(sliding_window_view(self.seen, LEAST_FRAMES).all(1).any())
 
     def turn_noise(self, summary: Summary = np.median) -> float:

@@ -115,3 +115,6 @@ def test_nothing_changes_without_gaps_or_with_a_palm_that_is_hardly_seen():
     brief = replace(palm(), seen=np.arange(FRAMES) % 8 > 0)
     given = lost(HELD)
     assert held_in_gaps(given, [brief]) is given
+    short = slice(30, 44)
+    few = RigidMotion(TURNS[short], PLACES[short], np.ones(14, dtype=bool))
+    assert held_in_gaps(given[short], [few]).translation.equal(given.translation[short])
