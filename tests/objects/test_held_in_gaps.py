@@ -84,6 +84,12 @@ def test_an_object_that_is_gripped_anew_changes_its_pose_in_the_palm_evenly():
     assert off(held_in_gaps(given, [palm()]), slides) < 0.1 * off(given, slides)
 
 
+def test_an_object_that_is_taken_in_a_gap_stays_on_its_line():
+    reached = np.where(np.arange(FRAMES) < LOST.start + 6, 0.08, 0.0)[:, None] * [0.0, 1.0, 0.0]
+    given = lost(track(TURNS, PLACES + TURNS.apply(IN_PALM + reached)))
+    assert off(held_in_gaps(given, [palm()]), given) < 1e-6
+
+
 def test_what_rests_or_moves_by_itself_stays_on_its_line():
     still = track(Rotation.from_matrix(np.tile(np.eye(3), (FRAMES, 1, 1))), 0 * PLACES)
     elsewhere = track(TURNS.inv(), 0.5 - PLACES[:, [1, 2, 0]])
