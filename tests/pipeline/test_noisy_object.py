@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import geneoh
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack, Sequence
+from tools.noisy_objects.clips import clip_of, with_gap, with_noisy_hand
 
 FAST = geneoh.Options(preset="fast")
 
@@ -111,6 +112,19 @@ def test_frames_without_a_pose_are_filled_and_told(clean):
     assert error_and_acceleration(result, clean)[0] < 4
     exact = ~lost[:, 0]
     assert torch.equal(result.sequence.object.rotation[exact], clean.object.rotation[exact])
+
+
+def test_an_object_that_is_lost_while_it_is_moved_hardly_matters_marked_or_not():
+    clip, name = clip_of("ycb_035_power_drill.ply"), "on straight lines"
+    noisy = with_noisy_hand(clip, "gauss", 0)
+    lost, lined = with_gap(noisy, "lost 10"), with_gap(noisy, "on a line 10")
+    whole, one, other = (geneoh.denoise(each, FAST) for each in (noisy, lost, lined))
+    assert error_and_acceleration(one, clip)[0] < 1.4 * error_and_acceleration(whole, clip)[0]
+    assert other.sequence.hands[0].joints.equal(one.sequence.hands[0].joints)
+    assert [any(name in note for note in each.notes) for each in (one, other)] == [False, True]
+    written = one.sequence.object.translation - clip.object.translation
+    given = lost.object.translation - clip.object.translation
+    assert written.norm(dim=-1).max() < 0.3 * given.norm(dim=-1).max()
 
 
 def test_refined_poses_of_frames_without_one_are_read_as_they_were_written(clean, tmp_path):
