@@ -33,6 +33,8 @@ class Symmetry:
     rotations: Float64[np.ndarray, "S 3 3"]
     """Symmetry rotations, the identity first; `TURN_STEPS` about an axis of revolution."""
     is_ball: bool = False  # every rotation is a symmetry; `rotations` has the identity alone
+    axis: Float64[np.ndarray, " 3"] | None = None
+    """Unit axis of a solid of revolution, else None."""
 
     def nearest(
         self, rotation: Float64[np.ndarray, "3 3"], wanted: Float64[np.ndarray, "N 3 3"]
@@ -78,7 +80,8 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
     group = finite[:2] if revolution else finite
     rotations = closure(group, [Rotation.from_rotvec(step * axis) for step in steps])
     middle = surface.mesh.center().double().cpu().numpy()
-    return Symmetry(center if len(rotations) > 1 else middle, rotations)
+    middle = center if len(rotations) > 1 else middle
+    return Symmetry(middle, rotations, axis=axis if revolution else None)
 
 
 def _distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:

@@ -11,6 +11,7 @@ from geneoh.objects.evidence import evidence_of_poses
 from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_of
+from geneoh.objects.seeming_turns import without_seeming_turns
 from geneoh.objects.sharpening import sharpened
 from geneoh.readers.checks.delay import hand_delay
 from geneoh.sequence.lines import without_lines
@@ -48,6 +49,7 @@ def examined(
     palms = tuple(map(palm_of, hands))
     motion, lines = without_lines(motion)
     motion, repeated = without_repeats(motion)
+    motion, turned = without_seeming_turns(motion, palms, fps)
     motion, examination = clean_object(motion, fps, palms)
     motion = held_in_gaps(motion, palms)
     delays = tuple(hand_delay(hand, motion, fps) for hand in hands)
@@ -59,5 +61,5 @@ def examined(
         relied=relied[:, sharp.object.seen_parts],
         undone=tuple(h for h, new in zip(hands, sharp.hands, strict=True) if new is not h),
         examination=examination,
-        notes=(*lines, *repeated, *examination.sentences(refined), *sharp.notes),
+        notes=(*lines, *repeated, *turned, *examination.sentences(refined), *sharp.notes),
     )
