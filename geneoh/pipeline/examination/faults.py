@@ -8,6 +8,7 @@ missing ones.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.lines import on_lines
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.shots import SHOT_SECONDS, paths_of, shots_of
+from geneoh.sequence.shots import COMPARED_STEPS, CUT_RATIO, SHOT_SECONDS, paths_of, shots_of
 from geneoh.sequence.windows import runs
 
 FEWEST_OBSERVED = 5  # observed frames that are needed to distinguish faults from motion
@@ -43,6 +44,8 @@ BENDS = 4.2
 SAME, LEAP = 2e-5, 0.003
 """A point is at rest if no coordinate moves farther than `SAME`, metres, which allows for rounding.
 No hand stops abruptly after a step longer than `LEAP`, metres at 30 frames a second."""
+AWAY_LEAP = 0.08
+"""Least step of a palm that leaves for a while and comes back, metres at 30 frames a second."""
 BACKWARD, CURL_JUMP = -0.2, 0.4
 """Curl of the fingers, in palm lengths, below which they bend backward like a hand of the other
 side, and its least difference to the neighbouring frames."""
@@ -103,18 +106,22 @@ def faults(
     seen = hand.observed
     if int(seen.sum()) < FEWEST_OBSERVED:
         return
-    joints, trusted = filled_keypoints(hand), hand.trust > 0
-    parts = motion.seen_parts if motion.meshes else ()
-    views = tuple(motion.seen_from(q, joints) for q in parts)
-    shots = shots_of(hand, fps, paths_of(others, motion))
-    track = KeypointTrack(joints, trusted, hand.side, fps, views, shots)
+    track = keypoint_track(hand, fps, motion)
+    gone = away(track) & seen
+    if bool(gone.any()):  # the others are sought in the track without these
+        hand, seen = replace(hand, valid=hand.valid & ~gone), seen & ~gone
+        track = keypoint_track(hand, fps, motion)
+    track = replace(track, shots=shots_of(hand, fps, paths_of(others, motion)))
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # only repeated frames may be the majority (slow trackers): else they are how the hand is
         few = find is _repeated or 2 * int(wrong.sum()) <= int(seen.sum())
-        if few and bool(wrong.any()):
+        wrong = wrong if few else track.nothing
+        seen = seen & ~wrong
+        if find is displaced:
+            wrong = wrong | gone
+        if bool(wrong.any()):
             yield wrong, words, of_fingers
-            seen = seen & ~wrong
 
 
 @dataclass(frozen=True)
@@ -150,6 +157,13 @@ class KeypointTrack:
             if not frames.any():
                 break
         return frames
+
+
+def keypoint_track(hand: HandTrack, fps: float, motion: ObjectTrack) -> KeypointTrack:
+    """The keypoints of a hand as one shot, in the world and seen from each part of the object."""
+    joints, parts = filled_keypoints(hand), motion.seen_parts if motion.meshes else ()
+    views = tuple(motion.seen_from(part, joints) for part in parts)
+    return KeypointTrack(joints, hand.trust > 0, hand.side, fps, views, [slice(0, hand.frames)])
 
 
 def _repeated(track: KeypointTrack) -> Bool[Tensor, " T"]:
@@ -200,6 +214,41 @@ def displaced(track: KeypointTrack) -> Bool[Tensor, " T"]:
     return track.in_all(
         middles, lambda middle: ~possible_places(middle, limit, track.fps, SHOT_SECONDS)
     )
+
+
+def away(track: KeypointTrack) -> Bool[Tensor, " T"]:
+    """Frames between a leap of the palm and the leap back at most `SHOT_SECONDS` later, as of a
+    tracker that follows another person's hand in between.
+
+    A leap that is possible within a few frames is no fault for `possible_places`: these leaps are
+    told by the calm before, between and after them.
+    """
+    middles = [palm.places for palm in track.palms]
+    return track.in_all(middles, lambda middle: there_and_back(middle, track.fps))
+
+
+def there_and_back(middle: Float[np.ndarray, "N 3"], fps: float) -> Bool[np.ndarray, " N"]:
+    """`away` for the positions of a palm in one view, metres."""
+    steps = np.linalg.norm(np.diff(middle, axis=0), axis=1)
+    found = np.zeros(len(middle), dtype=bool)
+    leaps = np.flatnonzero(steps > AWAY_LEAP * max(1.0, 30 / fps)).tolist()
+    for leave, back in pairwise(leaps):
+        if back - leave <= SHOT_SECONDS * fps and is_there_and_back(middle, steps, leave, back):
+            found[leave + 1 : back + 1] = True
+    return found
+
+
+def is_there_and_back(
+    middle: Float[np.ndarray, "N 3"], steps: Float[np.ndarray, " M"], leave: int, back: int
+) -> bool:
+    """Whether the steps after the frames `leave` and `back` lead away and back: both are larger
+    than those around them, with which the hand gets from the one side to the other in that time."""
+    start = max(leave - COMPARED_STEPS, 0)
+    around = np.delete(steps[start : back + 1 + COMPARED_STEPS], [leave - start, back - start])
+    usual, leaps = around.max(initial=0.0), steps[[leave, back]]
+    apart = np.linalg.norm(middle[back + 1] - middle[leave])
+    possible = apart < min(leaps.mean(), usual * (back - leave + 1))
+    return bool(possible and leaps.min() > CUT_RATIO * usual)
 
 
 def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:

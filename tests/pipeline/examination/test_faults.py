@@ -75,6 +75,23 @@ def test_hands_that_cannot_be_there_are_missing(noisy, wrong, words):
     assert said.endswith("7 frames: taken as missing")
 
 
+@pytest.mark.parametrize("metres", [0.12, 0.2, 0.4])
+def test_a_tracker_that_follows_another_hand_for_half_a_second_comes_back(clean, metres):
+    sequence = keys_of(clean, clean.hands[0].joints)
+    mixed = sequence.hands[0].joints.clone()
+    mixed[50:68] += torch.tensor([0.6, -0.64, 0.48]) * metres
+    assert missing(with_hand(sequence, joints=mixed)) == list(range(50, 68))
+
+
+def test_hand_and_object_of_a_video_that_is_cut_to_and_fro_are_no_fault(clean):
+    shift = torch.zeros(clean.frames, 1, 3)
+    shift[50:68] = torch.tensor([0.2, -0.2, 0.1])
+    sequence = keys_of(clean, clean.hands[0].joints)
+    cut = with_hand(sequence, joints=sequence.hands[0].joints + shift)
+    moved = replace(cut.object, translation=cut.object.translation + shift)
+    assert missing(replace(cut, object=moved)) == []
+
+
 def test_a_palm_that_a_tracker_never_finds_has_no_fault(noisy):
     joints, trust = noisy.hands[0].joints.clone(), torch.ones(noisy.frames, 21)
     joints[:, PALM], trust[:, PALM] = 0.0, 0.0  # some write zeros where they found nothing
