@@ -1,5 +1,6 @@
 """Interpolation between observed frames: linear for points, spherical for rotations."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -17,8 +18,9 @@ from geneoh.sequence.keypoints import PALM, keypoints_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
 
-LARGEST_FIRST_STEP = 0.2
-"""Step in metres between two frames that is too long for an object that starts from rest."""
+LARGEST_FIRST_STEP, LARGEST_FIRST_TURN = 0.2, 1.0
+"""Step in metres and turn in radians between two frames that are too large for an object that
+starts from rest."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +226,9 @@ def unset(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:
         middle = torch.stack([mesh.verts.mean(0) for mesh in motion.meshes]).to(middle)
     places = (motion.rotation @ middle[..., None])[..., 0] + motion.translation
     steps = places.diff(dim=0).norm(dim=-1)
+    chords = motion.rotation.diff(dim=0).flatten(2).norm(dim=-1)
     leaps = steps.isfinite() & (steps > LARGEST_FIRST_STEP)
+    leaps |= chords > 8**0.5 * math.sin(LARGEST_FIRST_TURN / 2)
     found = torch.zeros_like(still)
     for part in torch.nonzero(~still.all(0))[:, 0].tolist():
         for run in runs(still[:, part].cpu().numpy()):

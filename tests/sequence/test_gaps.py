@@ -136,6 +136,15 @@ def test_poses_that_stayed_the_identity_were_not_observed():
     assert torch.equal(found.translation[:, [0, 2]], place[:1, [0, 2]].expand(6, 2, 3))
 
 
+def test_poses_that_stayed_the_identity_near_the_origin_are_told_by_the_turn_after_them():
+    turn, place = torch.eye(3).repeat(6, 1, 1, 1), torch.zeros(6, 1, 3)
+    turn[3:] = axis_angle_to_matrix(torch.tensor([0.0, 1.2, 0.0]))
+    place[3:] = 0.1
+    found = fill_object(ObjectTrack((), turn, place))
+    assert found.valid[:, 0].tolist() == [False, False, False, True, True, True]
+    assert torch.equal(found.translation, place[3:4].expand(6, 1, 3))
+
+
 def test_an_object_whose_poses_begin_with_the_identity_rests_there():
     """Poses that are relative to the first frame turn a mesh about the origin of the world."""
     verts = torch.tensor([[2.0, 0, 0], [2.1, 0, 0], [2, 0.1, 0]])
