@@ -6,7 +6,7 @@ the hand seems to leave it and to come back, in all windows of the stages that s
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -16,9 +16,7 @@ from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import interpolate_rotations
 from geneoh.objects.carrying import COMPARED_FRAMES, REST_DEVIATION, carried, scatters
 from geneoh.objects.evidence import share_between
-from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION
 from geneoh.objects.palms import RigidMotion
-from geneoh.objects.smoothing import smooth_points, smooth_rotations
 from geneoh.sequence.gaps import observed_around
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
@@ -35,11 +33,12 @@ def held_in_gaps(motion: ObjectTrack, palms: Iterable[RigidMotion]) -> ObjectTra
     """The track with other poses in those gaps beside which a palm moves the object.
 
     `motion` has finite poses in all frames. They stay as they are in frames that are observed, and
-    in gaps beside which no palm moves with the object.
+    in gaps beside which no palm moves with the object. Palms count if they are seen for long enough
+    to tell noise from motion.
     """
     gaps = [part for part in motion.seen_parts if not bool(motion.observed[:, part].all())]
-    long = [palm for palm in palms if palm.is_long] if gaps else []
-    if not long:
+    calm = [Carrying.of(palm, motion.rotation) for palm in palms if palm.is_long] if gaps else []
+    if not calm:
         return motion
     rotation, translation = motion.rotation.clone(), motion.translation.clone()
     for part in gaps:
@@ -47,7 +46,7 @@ def held_in_gaps(motion: ObjectTrack, palms: Iterable[RigidMotion]) -> ObjectTra
         center = motion.meshes[part].center().to(rotation)
         turns = rotation[:, part]
         path = Rigid(turns.double(), (turns @ center + translation[:, part]).double())
-        path = carried_path(path, known, long)
+        path = carried_path(path, known, calm)
         turns = path.rotation.to(rotation)
         rotation[~known, part] = turns[~known]
         places = path.translation.to(rotation) - turns @ center
@@ -55,9 +54,9 @@ def held_in_gaps(motion: ObjectTrack, palms: Iterable[RigidMotion]) -> ObjectTra
     return replace(motion, rotation=rotation, translation=translation)
 
 
-def carried_path(path: Rigid, known: Bool[Tensor, " T"], palms: list[RigidMotion]) -> Rigid:
+def carried_path(path: Rigid, known: Bool[Tensor, " T"], palms: "list[Carrying]") -> Rigid:
     """A path with gaps in which the object is carried by the palm that moves with it most."""
-    every = [carried_by(palm, path, known) for palm in palms]
+    every = [palm.through_gaps(path, known) for palm in palms]
     share, best = torch.stack([share for _, share in every]).max(0)
     frames = torch.arange(len(share), device=share.device)
     turns, places = (
@@ -68,43 +67,56 @@ def carried_path(path: Rigid, known: Bool[Tensor, " T"], palms: list[RigidMotion
     return Rigid(turned, path.translation.lerp(places, share[:, None]))
 
 
-def carried_by(
-    palm: RigidMotion, path: Rigid, known: Bool[Tensor, " T"]
-) -> tuple[Rigid, Float[Tensor, " T"]]:
-    """The path with gaps in which the object keeps its pose in a palm, or changes it evenly; and
-    the extent to which the palm carries it in each frame, 0 to 1, by their motion beside a gap."""
-    frame, between = smooth(palm, path.rotation.device), observed_around(known)
-    own = frame.inverse().compose(path)
-    turns, places = between.rotations(own.rotation[:, None])[:, 0], between.points(own.translation)
-    held = frame.compose(Rigid(turns, places))
-    share = torch.zeros_like(path.translation[:, 0])
-    numbers = torch.arange(len(known), device=known.device)
-    for gap in runs((~known).cpu().numpy()):
-        ends = [end for end in (gap.start - 1, gap.stop) if 0 <= end < len(known)]
-        beside = [known & ((numbers - end).abs() <= COMPARED_FRAMES) for end in ends]
-        both = moves(frame, own, torch.stack(beside).any(0))
-        first, last = (moves(frame, own, beside[end]).maximum(both) for end in (0, -1))
-        usual = [own.translation[some].median(0).values for some in beside]
+@dataclass(frozen=True)
+class Carrying:
+    """A palm that may carry an object."""
+
+    pose: Rigid  # without white noise
+    error: float  # of its position, metres
+
+    @classmethod
+    def of(cls, palm: RigidMotion, like: Tensor) -> "Carrying":
+        """The palm on the device of a tensor."""
+        calm = palm.without_noise()
+        turns, places = torch.from_numpy(calm.turns.as_matrix()), torch.from_numpy(calm.places)
+        pose = Rigid(turns.to(like.device), places.to(like.device))
+        return cls(pose, NOISE_LEFT * palm.place_noise())
+
+    def through_gaps(
+        self, path: Rigid, known: Bool[Tensor, " T"]
+    ) -> tuple[Rigid, Float[Tensor, " T"]]:
+        """The path with gaps in which the object keeps its pose in the palm, or changes it evenly;
+        and the extent, 0 to 1, to which the palm carries it there."""
+        own, between = self.pose.inverse().compose(path), observed_around(known)
+        turns = between.rotations(own.rotation[:, None])[:, 0]
+        held = self.pose.compose(Rigid(turns, between.points(own.translation)))
+        share = torch.zeros_like(path.translation[:, 0])
+        for gap in runs((~known).cpu().numpy()):
+            apart = (held.translation - path.translation)[gap].square().sum(-1).mean()
+            seen = apart / (apart + self.error**2).clip(1e-12)
+            first, last = self.carries(own.translation, beside(gap, known))
+            share[gap] = seen * first.lerp(last, between.fraction[gap].to(first))
+        return held, share
+
+    def carries(
+        self, own: Float[Tensor, "T 3"], ends: list[Bool[Tensor, " T"]]
+    ) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
+        """Whether the palm carries an object at both ends of a gap, 0 to 1: it moves with it beside
+        them, and has it in the same place after the gap as before. `own` are places in the palm."""
+        usual = [own[some].median(0).values for some in ends]
         kept = share_between((usual[-1] - usual[0]).norm(), KEPT, CHANGED)
-        apart = (held.translation - path.translation)[gap].square().sum(-1).mean()
-        seen = apart / (apart + (NOISE_LEFT * palm.place_noise()) ** 2).clip(1e-12)
-        share[gap] = kept * seen * first.lerp(last, between.fraction[gap].to(first))
-    return held, share
+        both = self.moves(own, torch.stack(ends).any(0))
+        first, last = (kept * self.moves(own, ends[end]).maximum(both) for end in (0, -1))
+        return first, last
+
+    def moves(self, own: Float[Tensor, "T 3"], chosen: Bool[Tensor, " T"]) -> Float[Tensor, ""]:
+        """Whether the palm moves an object in the chosen frames, 0 to 1; 0 if it rests."""
+        over, moved = scatters(self.pose.at(chosen), own[chosen])
+        return torch.where(moved < REST_DEVIATION**2, 0.0, carried(over, moved))
 
 
-def moves(frame: Rigid, own: Rigid, chosen: Bool[Tensor, " T"]) -> Float[Tensor, ""]:
-    """Whether a palm moves an object in the chosen frames, 0 to 1, by the palm's pose and that of
-    the object in it; 0 if the palm rests."""
-    over, moved = scatters(frame.at(chosen), own.translation[chosen])
-    return torch.where(moved < REST_DEVIATION**2, 0.0, carried(over, moved))
-
-
-def smooth(palm: RigidMotion, device: torch.device) -> Rigid:
-    """The motion of a palm without white noise, on a device."""
-    noise = (
-        max(palm.turn_noise(), EXACT_ROTATION / 4),
-        max(palm.place_noise(), EXACT_TRANSLATION / 4),
-    )
-    turns, _ = smooth_rotations(palm.turns, palm.seen, noise[0])
-    places, _ = smooth_points(palm.places, palm.seen, noise[1])
-    return Rigid(*(torch.from_numpy(x).to(device) for x in (turns.as_matrix(), places)))
+def beside(gap: slice, known: Bool[Tensor, " T"]) -> list[Bool[Tensor, " T"]]:
+    """The known frames before a gap and after it, or on the one side that there is."""
+    numbers = torch.arange(len(known), device=known.device)
+    ends = [end for end in (gap.start - 1, gap.stop) if 0 <= end < len(known)]
+    return [known & ((numbers - end).abs() <= COMPARED_FRAMES) for end in ends]

@@ -6,7 +6,7 @@ both placed by a camera whose own pose is noisy, they jitter alike, each beside 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -17,7 +17,16 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from geneoh.geometry.rotations import is_rotation
-from geneoh.objects.smoothing import LEAST_FRAMES, Summary, increments, noise_level, path_of
+from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION
+from geneoh.objects.smoothing import (
+    LEAST_FRAMES,
+    Summary,
+    increments,
+    noise_level,
+    path_of,
+    smooth_points,
+    smooth_rotations,
+)
 from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack
@@ -60,6 +69,16 @@ class RigidMotion:
     def place_noise(self, summary: Summary = np.median) -> float:
         """Standard deviation of the position's white noise per axis, metres; see `noise_level`."""
         return noise_level(self.places, self.seen, summary)
+
+    def without_noise(self) -> "RigidMotion":
+        """The motion without its white noise; the same one if it is seen too briefly."""
+        if self.seen.sum() < LEAST_FRAMES:
+            return self
+        noise = max(self.turn_noise(), EXACT_ROTATION / 4)
+        turns, _ = smooth_rotations(self.turns, self.seen, noise)
+        noise = max(self.place_noise(), EXACT_TRANSLATION / 4)
+        places, _ = smooth_points(self.places, self.seen, noise)
+        return replace(self, turns=turns, places=places)
 
     def turn_changes(self) -> Float64[np.ndarray, " N"]:
         """Change between consecutive rotation increments, radians.

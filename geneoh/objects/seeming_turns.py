@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import symmetry_of
-from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION
+from geneoh.objects.examination import EXACT_ROTATION
 from geneoh.objects.palms import RigidMotion
-from geneoh.objects.smoothing import LEAST_FRAMES, smooth_points, smooth_rotations
+from geneoh.objects.smoothing import LEAST_FRAMES, smooth_points
 from geneoh.objects.symmetry import Symmetry
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -44,7 +44,7 @@ def without_seeming_turns(
     The same track object if there are none. `palms` are those of the input hands."""
     if len(motion.rotation) < LEAST_FRAMES:
         return motion, ()
-    smooth = tuple(map(smoothed, palms))
+    smooth = tuple(palm.without_noise() for palm in palms)
     rotation, translation, notes = motion.rotation.clone(), motion.translation.clone(), []
     for part in motion.seen_parts:
         mesh, seen = motion.meshes[part], motion.observed[:, part].cpu().numpy()
@@ -96,17 +96,6 @@ def calm_turns(
     return calm, symmetry.center, "centre" if symmetry.is_ball else "axis"
 
 
-def smoothed(body: RigidMotion) -> RigidMotion:
-    """A rigid motion without its white noise; the same if it is seen too briefly."""
-    if body.seen.sum() < LEAST_FRAMES:
-        return body
-    noise = max(body.turn_noise(), EXACT_ROTATION / 4)
-    turns, _ = smooth_rotations(body.turns, body.seen, noise)
-    noise = max(body.place_noise(), EXACT_TRANSLATION / 4)
-    places, _ = smooth_points(body.places, body.seen, noise)
-    return RigidMotion(turns, places, body.seen)
-
-
 def turned_in_all(part: RigidMotion, palms: Iterable[RigidMotion], fps: float) -> float:
     """The turn of a part within half a second that is seen from the world and from each palm, root
     mean square over frames, radians: the least of them in each frame."""
@@ -121,7 +110,7 @@ def moved_along(
 ) -> Turns:
     """Rotations of a part that turns about its axis, a ball about its centre, as that does which it
     moves with: the world or a palm, weighted by how little it moves in their frames."""
-    middle = smoothed(part).places
+    middle = part.without_noise().places
     points, axes = middle[:, None], None
     if symmetry.axis is not None:
         axes = directions(part, symmetry.axis)
