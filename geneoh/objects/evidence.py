@@ -21,6 +21,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.facing import at_palm
+from geneoh.objects.left_behind import left_behind, moving_parts
 from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
@@ -44,8 +45,6 @@ BESIDE, APART = 0.1, 0.25
 """Distance in each frame, metres: up to the first bound the hand may approach or leave the object,
 from the second on it moves independently."""
 
-CARRIED_SPEED = 0.1
-"""Speed of the object's surface above which something moves it, metres per second."""
 TOUCHING, NOT_TOUCHING = 0.02, 0.04
 """Distance of the nearest keypoint to the surface, metres: up to the first bound the hand may touch
 the object, from the second on it does not. Noisy hands that hold are within 2 cm in 95 of 100
@@ -54,6 +53,14 @@ RAY_ERROR = 0.1  # largest error along a camera ray, metres
 SMOOTHED = 3.0
 """Standard deviation of the filter of keypoints before their distance is measured."""
 TOUCH_FRAMES = 30.0  # frames around each one in which a touch counts
+GONE, GONE_FRAMES = 0.08, 15.0
+"""Distance from which on an object that moves has left the hand, metres, and frames around each one
+in which that counts."""
+WITH_IT, LEFT_BEHIND = 0.45, 0.6
+"""Share of the object's motion near the hand that the hand does not share (`left_behind`): up to
+the first bound the hand may move the object, from the second on something else does. Noisy hands
+that hold are within 0.38, and within 0.51 where they are late by four frames; beside an object that
+swings or passes they have 0.45 to 0.85."""
 CLEAR, UNCLEAR = 0.016, 0.020
 """Standard deviation of SpatialDiff's shift, metres: up to the first bound the hand touches the
 object, from the second on contact does not determine its position."""
@@ -170,24 +177,32 @@ def touching(
 
     A hand that holds has a keypoint near the surface even if it is noisy. A hand farther off would
     be taken for one with a position error and be pulled to the object. A hand that moves the object
-    must be near the surface while the object moves; an object at rest may be touched within a
-    second before or after.
+    must be near the surface while the object moves, and move with it; an object at rest may be
+    touched within a second before or after. An object that moves far from the hand, as one that
+    was thrown or dropped, tells little of the time before and after.
     """
     filtered = gaussian_filter1d(joints.cpu().numpy(), SMOOTHED * fps / 30, axis=0, mode="nearest")
     points = torch.from_numpy(filtered).to(joints)
     away = distance_of_nearest(points, surface)
     if ray is not None and float(away.max()) > TOUCHING:
-        shifts = torch.linspace(-RAY_ERROR, RAY_ERROR, 9).tolist()
-        moved = (points + shift * ray[:, None] for shift in shifts)
+        shifts = [0.0, *torch.linspace(-RAY_ERROR, RAY_ERROR, 9).tolist()]
+        moved = (points + shift * ray[:, None] for shift in shifts[1:])
         every = torch.stack([away, *(distance_of_nearest(each, surface) for each in moved)])
-        away = every[every.mean(1).argmin()]
-    nearest, moves = away.cpu().double().numpy(), _moving(surface, fps).cpu().double().numpy()
-    around = partial(gaussian_filter1d, sigma=TOUCH_FRAMES * fps / 30, mode="constant")
-    frames = (2 * math.pi) ** 0.5 * TOUCH_FRAMES * fps / 30
-    mean = frames * around(moves * nearest) / (frames * around(moves) + UNPROVEN_FRAMES * fps / 30)
-    least = minimum_filter1d(nearest, 2 * round(TOUCH_FRAMES * fps / 30) + 1, mode="nearest")
-    distance = torch.from_numpy(np.maximum(mean, least))
-    return share_between(distance, TOUCHING, NOT_TOUCHING).to(joints)
+        best = int(every.mean(1).argmin())
+        away, joints = every[best], joints + shifts[best] * ray[:, None]
+    nearest, parts = away.cpu().double().numpy(), moving_parts(surface, fps)
+    moves, gone = parts.any(1).cpu().double().numpy(), nearest > GONE
+    wide, narrow = TOUCH_FRAMES * fps / 30, GONE_FRAMES * fps / 30
+    frames, sums = UNPROVEN_FRAMES * fps / 30, 0.0
+    for counted, sigma in ((moves * ~gone, wide), (moves * gone, narrow)):
+        around = partial(gaussian_filter1d, sigma=sigma, mode="constant")
+        scale = (2 * math.pi) ** 0.5 * sigma
+        frames, sums = frames + scale * around(counted), sums + scale * around(counted * nearest)
+    least = minimum_filter1d(nearest, 2 * round(wide) + 1, mode="nearest")
+    distance = torch.from_numpy(np.maximum(sums / frames, least))
+    behind = torch.from_numpy(left_behind(joints, surface, parts, fps, wide))
+    with_it = share_between(behind, WITH_IT, LEFT_BEHIND)
+    return (share_between(distance, TOUCHING, NOT_TOUCHING) * with_it).to(joints)
 
 
 def gripping(
@@ -213,19 +228,6 @@ def evidence_of_place(width: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
     probable, as for a hand near the object without a touch. `width` is the standard deviation of
     SpatialDiff's shift, metres."""
     return share_between(width, CLEAR, UNCLEAR).to(width)
-
-
-def _moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
-    """Frames in which the surface of any part moves, by its displacement from a tenth of a second
-    before to a tenth after."""
-    frames, apart = len(surface.rotation), max(1, round(fps / 10))
-    found = torch.zeros(frames, dtype=torch.bool, device=surface.rotation.device)
-    for field, pose in surface.parts:
-        verts = field.mesh.some_verts(32).to(surface.rotation)
-        placed = pose.apply(verts.expand(frames, -1, -1))
-        speed = (placed[2 * apart :] - placed[: -2 * apart]).norm(dim=-1).mean(-1)
-        found[apart:-apart] |= speed * fps / (2 * apart) > CARRIED_SPEED
-    return found
 
 
 def distance_of_nearest(

@@ -183,6 +183,31 @@ def test_a_hand_that_errs_along_the_cameras_ray_may_hold_its_object():
     assert (beside_a_moving_box(0.06, across)[50:] == 0).all()
 
 
+def beside_a_box_on_a_path(hand: torch.Tensor, box: torch.Tensor) -> torch.Tensor:
+    """How far a hand deals with a box where both move along z as given, metres."""
+    up = torch.tensor([0.0, 0.0, 1.0])
+    motion = replace(track_with_a_gap(0.0), valid=None, translation=box[:, None, None] * up)
+    joints = (torch.tensor([0.0, 0.0, 0.05]) + hand[:, None] * up)[:, None].expand(-1, 21, 3)
+    return evidence_of_nearness(joints, motion.surface(), 30.0)
+
+
+def test_a_thrown_object_is_held_before_and_after():
+    time = torch.arange(FRAMES) / 30
+    swung = 0.05 * (1 - torch.cos(3 * time))
+    flight = 4 * ((time - 1.3) * (1.8 - time)).clamp(min=0) / 0.5**2
+    found = beside_a_box_on_a_path(swung, swung - 0.4 * flight)
+    assert (found[:15] > 0.95).all()
+    assert (found[80:] > 0.95).all()
+    assert (found[35:58] < 0.05).all()
+
+
+def test_a_hand_that_an_object_swings_past_does_not_deal_with_it():
+    time = torch.arange(FRAMES) / 30
+    swung = 0.04 * torch.sin(3 * time)
+    assert (beside_a_box_on_a_path(swung, swung) == 1).all()
+    assert (beside_a_box_on_a_path(torch.zeros(FRAMES), swung - 0.02)[20:70] < 0.05).all()
+
+
 def test_a_hand_that_never_comes_near_deals_with_nothing():
     assert (hand_beside_a_box(torch.full((FRAMES,), 0.095)) == 0).all()
     assert (hand_beside_a_box(torch.full((FRAMES,), 0.015)) == 1).all()
