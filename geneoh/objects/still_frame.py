@@ -27,6 +27,10 @@ NEAR, AWAY = 0.05, 0.10
 it, from the second on it does not. Keypoints lie 10 mm inside the hand."""
 WITH, OVER = 0.03, 0.10
 """The same for the speed of the palm over the part, metres per second."""
+SLOW = 0.5
+"""Speed of a part up to which those bounds tell whether the camera moves, metres per second. They
+grow with that of faster ones: what noise moves a hand over the object that it walks with is not the
+camera's motion."""
 RATE_FRAMES = 4.0
 """Standard deviation, in frames at 30 a second, of the Gaussian that smooths tracks for their
 speeds: of 10 mm of white noise it leaves 14 mm per second."""
@@ -60,9 +64,12 @@ def still_frame(
     rests = (speeds < RESTING).any(1).mean() > SELDOM
     if rests or bool((relied.mean(0) < RELIED).any()):
         return None
-    tracks = [filled_keypoints(hand) for hand in hands]
-    held = held_shares(tracks, [hand.observed for hand in hands], motion, fps)
-    return stilled(motion, held) if camera_moves(tracks, motion, held, speeds, fps) else None
+    tracks, observed = [filled_keypoints(hand) for hand in hands], [h.observed for h in hands]
+    fast = np.maximum(speeds / SLOW, 1.0)
+    held = held_shares(tracks, observed, motion, fps, fast)
+    if not camera_moves(tracks, motion, held, speeds, fps):
+        return None
+    return stilled(motion, held_shares(tracks, observed, motion, fps))
 
 
 def camera_moves(
@@ -95,16 +102,17 @@ def held_shares(
     observed: list[Bool[Tensor, " T"]],
     motion: ObjectTrack,
     fps: float,
+    fast: Float64[np.ndarray, "T Q"] | float = 1.0,
 ) -> Float64[np.ndarray, "T Q"]:
     """Degree, 0 to 1, to which some hand is at each part and moves with it, by the keypoints of the
-    hands; while a hand is not observed, as before and after."""
+    hands; while a hand is not observed, as before and after. `fast` scales the bounds of speeds."""
     surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
     smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
     times = np.arange(len(found))
     for joints, seen in zip(tracks, observed, strict=True):
         points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
         near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
-        over = torch.from_numpy(palm_speeds(joints, motion, fps))
+        over = torch.from_numpy(palm_speeds(joints, motion, fps) / fast)
         share = near * share_between(over, WITH, OVER).numpy()
         weight = smooth(seen.cpu().double().numpy())
         known = weight >= min(KNOWN, weight.max())

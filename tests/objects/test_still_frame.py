@@ -71,6 +71,16 @@ def test_a_camera_that_stands_still_is_left_as_it_is(clip, noise):
     assert found(clip) is None
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_someone_who_walks_with_an_object_does_not_move_the_camera(seed):
+    frames = [len(KETTLE.hands[0].valid) // 2] * FRAMES
+    time = torch.arange(FRAMES) / KETTLE.fps
+    way = torch.stack([2.0 * time, 0 * time, 0.03 * torch.sin(18 * time)], 1)
+    walks = placed(KETTLE[frames], Rigid(torch.eye(3).expand(FRAMES, 3, 3), way))
+    generator = seeded_generator("walks", seed)
+    assert found(corrupt_sequence(walks, "camera", generator=generator)) is None
+
+
 @pytest.mark.parametrize("fps", [15.0, 30.0, 60.0, 120.0])
 def test_an_object_that_no_hand_moves_rests_in_the_still_frame(fps):
     clip = at_rate(seen_by_head(KETTLE), fps)
