@@ -4,6 +4,7 @@ Many pipelines interpolate the frames in which a tracker lost hand or object bef
 track. No measured motion follows a line at an exactly even speed for several frames.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -15,14 +16,17 @@ from geneoh.errors import numbered
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
 
-FEWEST = 4  # least number of frames on a line
+FEWEST = 4
+"""Least number of frames on a line, unless there are many lines of one length."""
+REGULAR, OFTEN = range(2, 6), 5
+"""Frames on each of many lines, and their least number: poses of 5 to 10 Hz were brought to 30."""
 LEAST_STEP = 0.001
 """Least step on a line, metres a frame: a slower point may be on one by rounding."""
 ROUNDING = 1e-6
 """Largest second difference on a line, metres, beside the rounding of float32."""
 MOST = 0.5
-"""Largest share of the observed frames on lines: with more, as in an animation of few key poses,
-the motion itself is made so."""
+"""Largest share of the observed frames on other lines: with more, as in an animation of few key
+poses, the motion itself is made so."""
 
 
 def on_lines(path: Float[Tensor, "T 3"], seen: Bool[Tensor, " T"]) -> Bool[Tensor, " T"]:
@@ -34,9 +38,15 @@ def on_lines(path: Float[Tensor, "T 3"], seen: Bool[Tensor, " T"]) -> Bool[Tenso
     rounding = ROUNDING + 4 * torch.finfo(torch.float32).eps * float(path[seen].abs().max())
     even = (steps.diff(dim=0).abs() <= rounding).all(-1) & (steps[1:].norm(dim=-1) > LEAST_STEP)
     even &= seen[2:] & seen[1:-1] & seen[:-2]
-    for run in runs(even.cpu().numpy()):
-        found[run.start + 1 : run.stop + 1] = run.stop - run.start >= FEWEST
-    return found if found.sum() <= MOST * seen.sum() else torch.zeros_like(found)
+    lines = runs(even.cpu().numpy())
+    often, single = Counter(line.stop - line.start for line in lines), 0
+    for line in lines:
+        length = line.stop - line.start
+        regular = length in REGULAR and often[length] >= OFTEN
+        if regular or length >= FEWEST:
+            found[line.start + 1 : line.stop + 1] = True
+            single += 0 if regular else length
+    return found if single <= MOST * seen.sum() else torch.zeros_like(found)
 
 
 def poses_on_lines(motion: ObjectTrack) -> Bool[Tensor, "T Q"]:

@@ -41,11 +41,22 @@ def test_what_rests_or_hardly_moves_is_on_no_line():
         assert not on_lines(both, torch.ones(len(both), dtype=torch.bool)).any()
 
 
+def keyed(every: int) -> torch.Tensor:
+    """The path on straight lines between every so many frames."""
+    keys, ahead = PATH[::every], PATH[::every].roll(-1, 0)
+    share = (torch.arange(FRAMES) % every)[:, None] / every
+    start, end = (each.repeat_interleave(every, dim=0)[:FRAMES] for each in (keys, ahead))
+    return torch.lerp(start, end, share)
+
+
 def test_motion_that_is_made_of_lines_is_left_as_it_is():
-    keys = PATH[::10].repeat_interleave(10, dim=0)
-    ahead = PATH[::10].roll(-1, 0).repeat_interleave(10, dim=0)
-    path = torch.lerp(keys, ahead, (torch.arange(FRAMES) % 10)[:, None] / 10)
-    assert not on_lines(path, SEEN).any()
+    assert not on_lines(keyed(10), SEEN).any()
+
+
+@pytest.mark.parametrize("every", [3, 5, 6])
+def test_a_slower_sensor_that_was_brought_to_the_rate_is_found(every):
+    found, between = on_lines(keyed(every), SEEN), torch.arange(FRAMES) % every > 0
+    assert found[:-every].equal(between[:-every])
 
 
 @pytest.mark.parametrize("count", [FEWEST - 1, FEWEST])

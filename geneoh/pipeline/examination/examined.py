@@ -50,8 +50,9 @@ def examined(
     motion, lines = without_lines(motion)
     motion, repeated = without_repeats(motion)
     motion, turned = without_seeming_turns(motion, palms, fps)
-    motion, examination = clean_object(motion, fps, palms)
-    motion = held_in_gaps(motion, palms)
+    # before cleaning, lest the ends of a line count as a jump, and after it in what it has cleaned
+    cleaned, examination = clean_object(held_in_gaps(motion, palms), fps, palms)
+    motion = held_in_gaps(cleaned, palms)
     delays = tuple(hand_delay(hand, motion, fps) for hand in hands)
     sharp = sharpened(hands, palms, delays, motion, examination, fps)
     relied = evidence_of_poses(examination, sharp.object, fps, sharp.error)
