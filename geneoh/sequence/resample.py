@@ -14,6 +14,7 @@ from geneoh.geometry.rotations import (
     matrix_to_axis_angle,
     nearest_rotations,
 )
+from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import FrameInterpolation, blendable, with_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -22,6 +23,9 @@ MOST_FRAMES = 108_000
 
 FPS_DIGITS = 6
 """Decimals of a frame rate, so that resampling back gives exactly the original rate."""
+
+OF_THE_POSE = 0.005
+"""Largest mean distance of joints from those of their pose, metres: others are of another hand."""
 
 
 def nearest_frames(before: int, after: int) -> Int[Tensor, " N"]:
@@ -238,8 +242,25 @@ def averaged(sequence: Sequence, fps: float) -> Sequence:
     hands = list[HandTrack]()
     for hand in map(blendable, sequence.hands):
         mean = FrameMean(hand.valid, width)
-        hands.append(with_frames(hand, hand.valid, mean.points, mean.pose))
+        found = with_frames(hand, hand.valid, mean.points, mean.pose)
+        hands.append(posed_alike(found, hand))
     return replace(sequence, hands=tuple(hands), object=motion)
+
+
+def posed_alike(mean: HandTrack, hand: HandTrack) -> HandTrack:
+    """An averaged track with the joints of its averaged pose, if those of the track are of its
+    pose: means of joints are those of a smaller hand where the rotations are noisy."""
+    if hand.pose is None or hand.joints is None or mean.pose is None or mean.joints is None:
+        return mean
+    turns, trust = axis_angle_to_matrix(hand.pose), hand.trust
+    skeleton = rest_offsets(turns, hand.joints, trust)
+    posed, _ = forward_kinematics(turns, hand.joints[:, 0], skeleton)
+    misfit = (trust * (posed - hand.joints).norm(dim=-1)).sum() / trust.sum().clamp(min=1e-9)
+    if misfit > OF_THE_POSE:
+        return mean
+    turns = axis_angle_to_matrix(mean.pose)
+    joints, _ = forward_kinematics(turns, mean.joints[:, 0], skeleton)
+    return replace(mean, joints=joints)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,10 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
 from geneoh.sequence.resample import (
     at_rate,
+    averaged,
     hand_over_frames,
     over_frames,
     rotations_over_frames,
@@ -157,3 +159,23 @@ def test_a_hand_in_a_single_frame_is_not_lost_at_a_lower_rate(seen, kept):
     fine = Sequence((hand,), ObjectTrack.resting((), 30), 120.0)
     for coarse in (at_rate(fine, 30.0).hands[0], hand_over_frames(hand, 8)):
         assert coarse.valid.nonzero()[:, 0].tolist() == kept
+
+
+def test_a_hand_with_noisy_rotations_keeps_its_size():
+    pose = 0.4 * torch.randn(120, 16, 3, generator=torch.Generator().manual_seed(0))
+    shaped = load_hand("right").shaped(torch.zeros(10))
+    joints = shaped.joints_from_rotations(axis_angle_to_matrix(pose), torch.zeros(120, 3))
+    valid = torch.ones(120, dtype=torch.bool)
+    hand = HandTrack("right", valid, joints=joints, pose=pose, wrist=torch.zeros(120, 3))
+    other = replace(hand, joints=joints.flip(0))  # not of the pose
+    alone = ObjectTrack((), torch.zeros(120, 0, 3, 3), torch.zeros(120, 0, 3))
+
+    def length(hand: HandTrack) -> float:
+        assert hand.joints is not None
+        return float((hand.joints[:, 9] - hand.joints[:, 0]).norm(dim=-1).mean())
+
+    found, left = (
+        averaged(Sequence((track,), alone, 120.0), 30.0).hands[0] for track in (hand, other)
+    )
+    assert length(found) == pytest.approx(length(hand), rel=1e-4)
+    assert length(left) < 0.97 * length(other)
