@@ -89,6 +89,16 @@ def too_large_meshes(
         )
 
 
+def lasting_shift(
+    before: Float[np.ndarray, "T 3"],
+    after: Float[np.ndarray, "T 3"],
+    counted: Bool[np.ndarray, " T"],
+) -> float:
+    """How far a palm was moved for a second or longer, metres."""
+    shift = np.linalg.norm(uniform_filter1d(after - before, LASTING, axis=0), axis=1)
+    return float(np.quantile(shift[counted], QUANTILE))
+
+
 def lasting_shifts(
     before: Float[np.ndarray, "T 3"],
     after: Float[np.ndarray, "T 3"],
@@ -96,8 +106,7 @@ def lasting_shifts(
     jitter: float,
 ) -> Iterator[str]:
     """A sentence if a palm was moved for long by more than its jitter explains, in metres."""
-    shift = np.linalg.norm(uniform_filter1d(after - before, LASTING, axis=0), axis=1)
-    largest = float(np.quantile(shift[counted], QUANTILE))
+    largest = lasting_shift(before, after, counted)
     if largest > max(FAR, TIMES * jitter):
         yield (
             f"the hand was moved by {1000 * largest:.0f} mm for a second or longer to fit the "

@@ -26,6 +26,7 @@ from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages.alone import measure_hand
+from geneoh.pipeline.too_far import MovedFar
 from geneoh.pipeline.too_large import DepthLeft
 from geneoh.pipeline.touch import EXACT_WITHIN, finger_contact, fingers_apart
 from geneoh.sequence.normalisation import NormalisedHand
@@ -56,8 +57,8 @@ class FittedHand:
     shaped: ShapedHand
     betas: Float[Tensor, " K"]
     seconds: dict[str, float]
-    left: DepthLeft | None = None
-    """Depth that was left when the hand was cleaned against the mesh, if this was undone."""
+    left: DepthLeft | MovedFar | None = None
+    """Depth that was left, or the shift, when the hand was cleaned against the mesh, if undone."""
 
     @property
     def evidence(self) -> Float[Tensor, " T"]:

@@ -18,11 +18,14 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
+from geneoh.pipeline.contradictions import FEWEST, lasting_shift
 from geneoh.pipeline.fitted import FittedHand
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.stages.run import StageRun
-from geneoh.pipeline.too_large import depth_left
+from geneoh.pipeline.too_far import MovedFar
+from geneoh.pipeline.too_large import DepthLeft, depth_left
 from geneoh.progress import OnProgress, OnStep, timed
+from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.sequence import HandTrack
 
@@ -106,10 +109,17 @@ class HandRun:
         if against is None or ray is not None or not (chosen.clean_object and chosen.contact):
             return found
         counted = hand.track.observed & (found.evidence > 0.5)
-        left = depth_left(found.fingers_apart(), counted)
-        if left is None or left.evidence == 1:
+        doubts: list[DepthLeft | MovedFar | None] = [depth_left(found.fingers_apart(), counted)]
+        if int(counted.sum()) >= FEWEST:
+            was, now = (each[:, list(PALM)].mean(1) for each in (joints, found.target[0]))
+            shift = lasting_shift(
+                was.double().cpu().numpy(), now.double().cpu().numpy(), counted.cpu().numpy()
+            )
+            doubts.append(MovedFar(shift))
+        least = min((each for each in doubts if each), key=lambda each: each.evidence, default=None)
+        if least is None or least.evidence == 1:
             return found
-        return replace(cleaned(near * left.evidence), left=left)
+        return replace(cleaned(near * least.evidence), left=least)
 
 
 def _reliance(
