@@ -18,12 +18,11 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
-from geneoh.pipeline.contradictions import FEWEST, lasting_shift
 from geneoh.pipeline.fitted import FittedHand
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.stages.run import StageRun
-from geneoh.pipeline.too_far import MovedFar
-from geneoh.pipeline.too_large import DepthLeft, depth_left
+from geneoh.pipeline.too_far import moved_far
+from geneoh.pipeline.too_large import depth_left
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.normalisation import NormalisedHand
@@ -109,14 +108,9 @@ class HandRun:
         if against is None or ray is not None or not (chosen.clean_object and chosen.contact):
             return found
         counted = hand.track.observed & (found.evidence > 0.5)
-        doubts: list[DepthLeft | MovedFar | None] = [depth_left(found.fingers_apart(), counted)]
-        if int(counted.sum()) >= FEWEST:
-            was, now = (each[:, list(PALM)].mean(1) for each in (joints, found.target[0]))
-            shift = lasting_shift(
-                was.double().cpu().numpy(), now.double().cpu().numpy(), counted.cpu().numpy()
-            )
-            doubts.append(MovedFar(shift))
-        least = min((each for each in doubts if each), key=lambda each: each.evidence, default=None)
+        was, now = (each[:, list(PALM)].mean(1) for each in (joints, found.target[0]))
+        doubts = depth_left(found.fingers_apart(), counted), moved_far(was, now, counted)
+        least = min(filter(None, doubts), key=lambda each: each.evidence, default=None)
         if least is None or least.evidence == 1:
             return found
         return replace(cleaned(near * least.evidence), left=least)

@@ -7,6 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.pipeline.contradictions import FEWEST, lasting_shift
 
 SURE, TOO_FAR = 0.03, 0.042
 """Lasting shift of a palm, metres: up to the first bound the object is relied on, from the second
@@ -37,3 +41,14 @@ class MovedFar:
                 f"their place, so the hand is cleaned {mostly}by the prior of hand motion alone; "
                 "--trust-object relies on the object, and --camera tells where depth is uncertain"
             )
+
+
+def moved_far(
+    before: Float[Tensor, "T 3"], after: Float[Tensor, "T 3"], counted: Bool[Tensor, " T"]
+) -> MovedFar | None:
+    """The shift of a palm from its place in the input, metres, in the frames that are `counted`;
+    None if these are too few."""
+    if int(counted.sum()) < FEWEST:
+        return None
+    places = (each.double().cpu().numpy() for each in (before, after))
+    return MovedFar(lasting_shift(*places, counted.cpu().numpy()))
