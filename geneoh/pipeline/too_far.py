@@ -50,5 +50,5 @@ def moved_far(
     None if these are too few."""
     if int(counted.sum()) < FEWEST:
         return None
-    places = (each.double().cpu().numpy() for each in (before, after))
-    return MovedFar(lasting_shift(*places, counted.cpu().numpy()))
+    was, now = (each.double().cpu().numpy() for each in (before, after))
+    return MovedFar(lasting_shift(was, now, counted.cpu().numpy()))
