@@ -127,6 +127,20 @@ def test_an_object_that_is_lost_while_it_is_moved_hardly_matters_marked_or_not()
     assert written.norm(dim=-1).max() < 0.3 * given.norm(dim=-1).max()
 
 
+def test_filled_poses_are_read_as_they_were_written_and_are_not_observed(clean, tmp_path):
+    clip = clean[60:120]
+    seen = torch.ones(60, 1, dtype=torch.bool)
+    seen[30:42] = False
+    unseen = replace(clip, object=fill_object(clip.object, seen))
+    result = geneoh.denoise(unseen, FAST)
+    geneoh.save(result, tmp_path / "filled.npz")
+    read = geneoh.load(tmp_path / "filled.npz").object
+    assert not read.translation.equal(unseen.object.translation)
+    assert read.translation.equal(result.sequence.object.translation)
+    assert read.rotation.equal(result.sequence.object.rotation)
+    assert read.valid.equal(seen)
+
+
 def test_refined_poses_of_frames_without_one_are_read_as_they_were_written(clean, tmp_path):
     short = clean[60:120]
     lost = torch.zeros(60, 1, dtype=torch.bool)

@@ -304,7 +304,10 @@ def motion_arrays(motion: ObjectTrack) -> Arrays:
     if not motion.is_known:
         return {}
     known = [name for name in MOTION_FIELDS if getattr(motion, name) is not None]
-    return {f"object_{name}": plain(getattr(motion, name)) for name in known}
+    arrays = {f"object_{name}": plain(getattr(motion, name)) for name in known}
+    if motion.valid is not None:
+        arrays["object_filled"] = plain(~motion.valid & motion.valid.any(0))
+    return arrays
 
 
 def hand_arrays(hand: HandTrack) -> Arrays:

@@ -26,6 +26,7 @@ HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence")
 HAND_FIELDS += ("joint_spread", "camera_ray")
 """Fields of a hand in geneoh's own layout, without the side that precedes each name."""
 OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose", "object_valid")
+OBJECT_FIELDS += ("object_filled",)
 """Fields of the object in every layout."""
 CAMERA_FIELDS = ("camera_ray", "camera_position")
 """Fields of the camera that saw all hands, in every layout."""

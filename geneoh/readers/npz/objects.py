@@ -1,10 +1,13 @@
 """The object of an npz: its motion, and its meshes, by file paths and hashes of their contents."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 from geneoh.errors import InputError, numbered
 from geneoh.files.npz import Arrays
@@ -65,14 +68,25 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
 def observed_object(
     record: Record, meshes: tuple[Mesh, ...], rotation: Array, translation: Array
 ) -> ObjectTrack:
-    """The track; poses that are NaN or outside `object_valid` are marked and filled in."""
+    """The track; poses that are NaN or outside `object_valid` are marked, and filled in unless they
+    are in `object_filled`: what geneoh filled in is kept."""
     frames, parts = translation.shape[:2]
-    of_each = {"remedy": "give one for each pose"}
-    seen = record.optional_array("object_valid", (frames, parts), (frames,), **of_each)
-    if seen is not None:
-        seen = np.broadcast_to(seen.reshape(frames, -1) > 0, (frames, parts))
-        seen = torch.from_numpy(np.array(seen))
-    return fill_object(ObjectTrack(meshes, float32(rotation), float32(translation)), seen)
+
+    def mask(name: str) -> Bool[Tensor, "T Q"] | None:
+        """A field of one truth value for each pose or each frame, if the file has it."""
+        shapes = (frames, parts), (frames,)
+        values = record.optional_array(name, *shapes, remedy="give one for each pose")
+        if values is None:
+            return None
+        every = np.broadcast_to(values.reshape(frames, -1) > 0, (frames, parts))
+        return torch.from_numpy(np.array(every))
+
+    track = ObjectTrack(meshes, float32(rotation), float32(translation))
+    seen, filled = mask("object_valid"), mask("object_filled")
+    if seen is None or filled is None:
+        return fill_object(track, seen)
+    track = fill_object(track, seen | filled)
+    return replace(track, valid=track.observed & seen)
 
 
 def notes_on_gaps(motion: ObjectTrack) -> Notes:
