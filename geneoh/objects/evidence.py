@@ -289,6 +289,7 @@ def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
     if count := int((evidence < 0.5).sum()):
         yield (
             f"in {numbered(count, 'frame')} the object is too noisy, too long unseen or too far "
-            "away to rely on, does not seem to be touched, moves without the hand, is at its back "
-            "or spins in it: there the hand is cleaned mostly by the prior of hand motion alone"
+            "away to rely on, does not seem to be touched, moves without the hand, is at the back "
+            "of the hand or spins in it: there the hand is cleaned mostly by the prior of hand "
+            "motion alone"
         )

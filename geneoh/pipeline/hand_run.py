@@ -108,7 +108,7 @@ class HandRun:
         if against is None or ray is not None or not (chosen.clean_object and chosen.contact):
             return found
         counted = hand.track.observed & (found.evidence > 0.5)
-        was, now = (each[:, list(PALM)].mean(1) for each in (joints, found.target[0]))
+        was, now = (each[:, list(PALM)].mean(1) for each in (subject.joints, found.target[0]))
         doubts = depth_left(found.fingers_apart(), counted), moved_far(was, now, counted)
         least = min(filter(None, doubts), key=lambda each: each.evidence, default=None)
         if least is None or least.evidence == 1:

@@ -31,6 +31,8 @@ from recorded_inputs import (
     reflected_at_the_palm,
     transposed,
     with_faulty_frame,
+    with_hands_on_a_line,
+    with_poses_on_a_line,
     with_repeated_poses,
     with_two_hands,
 )
@@ -296,6 +298,12 @@ SITUATIONS = [
         code=0,
     ),
     Situation(
+        "The hand moves on a straight line at an exactly even speed for four frames or more",
+        "the left hand moves on straight lines at an exactly even speed in 4 frames: taken as",
+        with_hands_on_a_line,
+        code=0,
+    ),
+    Situation(
         "The hand comes some frames later or earlier than the object that it holds",
         "left hand: timing: ... 6 frames later ... (--hand-delay 6, unless a note tells",
         late,
@@ -362,6 +370,12 @@ SITUATIONS = [
         "The pose repeats a frame while the object moves",
         "repeats the one before, between two leaps, in 5 frames: taken as missing",
         with_repeated_poses,
+        code=0,
+    ),
+    Situation(
+        "The pose moves on a straight line at an exactly even speed for four frames or more",
+        "the pose of the object moves on straight lines at an exactly even speed in 4 frames",
+        with_poses_on_a_line,
         code=0,
     ),
     Situation(

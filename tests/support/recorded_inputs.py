@@ -61,6 +61,25 @@ def with_repeated_poses(folder: Path) -> None:
     recorded(**fields)(folder)
 
 
+def on_a_line(path: np.ndarray) -> np.ndarray:
+    """A path with four of its twelve frames on a line between the others."""
+    share = np.arange(1, 5).reshape(-1, *[1] * (path.ndim - 1)) / 5
+    line = path[3] + share * (path[8] - path[3])
+    return np.concatenate([path[:4], line, path[8:]]).astype(np.float32)
+
+
+def with_hands_on_a_line(folder: Path) -> None:
+    """The recording with interpolated keypoints in some frames."""
+    recorded(joints=on_a_line(recorded_keypoints()))(folder)
+
+
+def with_poses_on_a_line(folder: Path) -> None:
+    """The recording with interpolated poses in some frames."""
+    with np.load(CLEAN) as arrays:
+        path = on_a_line(arrays["object_translation"][60:72])
+    recorded(object_translation=path)(folder)
+
+
 def with_faulty_frame(
     wrong: Callable[[np.ndarray], np.ndarray],
 ) -> Callable[[Path], None]:

@@ -86,7 +86,7 @@ def test_a_shot_alone_may_have_poses_of_a_slower_sensor(video, slow):
     assert bool(found[0].valid.all())
 
 
-def test_an_object_that_is_lost_at_a_cut_rests_in_either_shot(video):
+def test_an_object_that_is_lost_at_a_cut_stays_with_its_hand_or_rests(video):
     slow = replace(video, fps=30.0)
     places = video.object.translation.clone()
     places[CUT - 6 : CUT + 6] = nan
@@ -96,8 +96,10 @@ def test_an_object_that_is_lost_at_a_cut_rests_in_either_shot(video):
         assert any(note.startswith(f"{frames}: 6 frames without") for note in result.notes)
     found, known = result.sequence, denoise(slow, preset="fast").sequence
     places, given = found.object.translation, video.object.translation
-    assert (places[CUT - 6 : CUT] == given[CUT - 7]).all()
-    assert (places[CUT : CUT + 6] == given[CUT + 6]).all()
+    ends = slice(CUT - 6, CUT)  # of the first shot, in which the hand moves the object
+    at_rest = (given[ends] - given[CUT - 7]).norm(dim=-1).max()
+    assert (places[ends] - given[ends]).norm(dim=-1).max() < 0.7 * at_rest
+    assert (places[CUT : CUT + 6] - given[CUT + 6]).norm(dim=-1).max() < 1e-6
     apart = (found.hands[0].joints - known.hands[0].joints).norm(dim=-1).mean(-1)
     assert apart.max() < 0.02  # 0.05 by poses between the two places
 
