@@ -34,7 +34,7 @@ class Rigid:
         """The P points of each batch entry in the other frame; batch axes broadcast."""
         return points @ self.rotation.transpose(-1, -2) + self.translation[..., None, :]
 
-    def at(self, chosen: Bool[Tensor, " T"] | Int[Tensor, " N"]) -> "Rigid":
+    def at(self, chosen: Bool[Tensor, " T"] | Int[Tensor, " N"] | slice) -> "Rigid":
         """The motion at some of the entries of the first batch axis."""
         return Rigid(self.rotation[chosen], self.translation[chosen])
 

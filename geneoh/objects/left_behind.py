@@ -14,7 +14,6 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface
-from geneoh.geometry.rigid import Rigid
 
 CARRIED_SPEED = 0.1
 """Speed of the object's surface above which something moves it, metres per second."""
@@ -71,8 +70,7 @@ def left_behind(
         offset = torch.from_numpy(smooth((centre - joints.mean(1)).cpu().double().numpy()))
         left = (offset[wide:] - offset[:-wide]).square().sum(-1, keepdim=True).to(joints)
         before, after = (
-            Rigid(pose.rotation[at], pose.translation[at]).apply(places[middle])
-            for at in (slice(None, -wide), slice(wide, None))
+            pose.at(some).apply(places[middle]) for some in (slice(None, -wide), slice(wide, None))
         )
         moved = (after - before).square().sum(-1)
         missed = (weight * over.minimum(left).minimum(moved)).sum(-1)

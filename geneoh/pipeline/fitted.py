@@ -22,12 +22,11 @@ from geneoh.metrics.contact import depth_between
 from geneoh.metrics.report import through_walls
 from geneoh.objects.evidence import doubt
 from geneoh.pipeline.contradictions import HandAtObject, contradictions
+from geneoh.pipeline.misfit import Misfit
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages.alone import measure_hand
-from geneoh.pipeline.too_far import MovedFar
-from geneoh.pipeline.too_large import DepthLeft
 from geneoh.pipeline.touch import EXACT_WITHIN, finger_contact, fingers_apart
 from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
@@ -57,8 +56,8 @@ class FittedHand:
     shaped: ShapedHand
     betas: Float[Tensor, " K"]
     seconds: dict[str, float]
-    left: DepthLeft | MovedFar | None = None
-    """Depth that was left, or the shift, when the hand was cleaned against the mesh, if undone."""
+    misfit: Misfit | None = None
+    """What did not fit when the hand was cleaned with all the evidence, if that was undone."""
 
     @property
     def evidence(self) -> Float[Tensor, " T"]:
@@ -140,8 +139,8 @@ class FittedHand:
         apart_from_given = (joints - self.given_joints).norm(dim=-1)
         of_frames = (apart_from_given * seen).sum(-1) / seen.sum(-1).clamp(min=1)
         doubts: Iterable[str] = ()
-        weight = () if self.left is None else self.left.note()
-        if self.left is None and self.preset.has_object:
+        weight = () if self.misfit is None else self.misfit.note()
+        if self.misfit is None and self.preset.has_object:
             weight = doubt(self.hand.frames_to_user(self.evidence))
         if apart is not None and apart_before is not None and self.preset.has_object:
             given = HandAtObject(self.given_joints, apart_before)

@@ -109,11 +109,11 @@ class HandRun:
             return found
         counted = hand.track.observed & (found.evidence > 0.5)
         was, now = (each[:, list(PALM)].mean(1) for each in (subject.joints, found.target[0]))
-        doubts = depth_left(found.fingers_apart(), counted), moved_far(was, now, counted)
-        least = min(filter(None, doubts), key=lambda each: each.evidence, default=None)
-        if least is None or least.evidence == 1:
+        misfits = depth_left(found.fingers_apart(), counted), moved_far(was, now, counted)
+        worst = min(filter(None, misfits), key=lambda each: each.evidence, default=None)
+        if worst is None or worst.evidence == 1:
             return found
-        return replace(cleaned(near * least.evidence), left=least)
+        return replace(cleaned(near * worst.evidence), misfit=worst)
 
 
 def _reliance(

@@ -3,14 +3,11 @@
 Nothing shows which of them is off. A hand that keeps its place is no worse than its input.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-
-import numpy as np
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.pipeline.contradictions import FEWEST, lasting_shift
+from geneoh.pipeline.misfit import Misfit
 
 SURE, TOO_FAR = 0.03, 0.042
 """Lasting shift of a palm, metres: up to the first bound the object is relied on, from the second
@@ -19,28 +16,19 @@ recording, but for those of a camera, whose ray is known; hands beside an object
 off its place by 50 to 86."""
 
 
-@dataclass(frozen=True)
-class MovedFar:
-    """The shift of a hand that was cleaned against the object."""
+class MovedFar(Misfit):
+    """How far the palm of a hand was moved for a second or longer, to fit the object."""
 
-    shift: float
-    """How far the palm was moved for a second or longer, metres."""
+    bounds = SURE, TOO_FAR
 
-    @property
-    def evidence(self) -> float:
-        """Whether hand and object may be of one place, 1 to 0."""
-        return float(np.interp(self.shift, (SURE, TOO_FAR), (1.0, 0.0)))
-
-    def note(self) -> Iterator[str]:
-        """A sentence for the user if the object is not fully relied on."""
-        if self.evidence < 1:
-            mostly = "mostly " if self.evidence > 0 else ""
-            yield (
-                f"to fit the object, the hand would have to move by {1000 * self.shift:.0f} mm for "
-                "a second or longer: the hand, or the poses or the mesh of the object, are off "
-                f"their place, so the hand is cleaned {mostly}by the prior of hand motion alone; "
-                "--trust-object relies on the object, and --camera tells where depth is uncertain"
-            )
+    def sentence(self, consequence: str) -> str:
+        """See `Misfit.sentence`."""
+        return (
+            f"to fit the object, the hand would have to move by {1000 * self.size:.0f} mm for "
+            "a second or longer: the hand, or the poses or the mesh of the object, are off "
+            f"their place, so {consequence}; --trust-object relies on the object, and --camera "
+            "tells where depth is uncertain"
+        )
 
 
 def moved_far(

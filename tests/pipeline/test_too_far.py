@@ -1,4 +1,4 @@
-"""A hand whose object is decimetres off its place."""
+"""A hand whose object is centimetres off its place."""
 
 import numpy as np
 
