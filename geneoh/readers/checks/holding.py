@@ -16,6 +16,7 @@ from geneoh.readers.mano import mean_wrist_offset
 from geneoh.readers.records import Array
 from geneoh.sequence.camera import wrist_of
 from geneoh.sequence.distance_check import ball_distance
+from geneoh.sequence.lines import poses_on_lines
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.validation import FARTHEST_SCENE
 
@@ -98,7 +99,8 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     }
     part = min(away, key=away.__getitem__, default=0)
     turn, shift = turns[:, part], shifts[:, part]
-    steps = moving_steps(valid, wrist, turn, shift)
+    measured = (motion.observed & ~poses_on_lines(motion))[:, part].cpu().numpy()
+    steps = moving_steps(valid & measured, wrist, turn, shift)
     if len(steps) < HOLDING_STEPS:
         return
     near = {
@@ -146,7 +148,7 @@ def interpretations(side: Side, wrist: Array, turn: Array, shift: Array) -> dict
 
 
 def moving_steps(valid: Array, wrist: Array, turn: Array, shift: Array) -> Array:
-    """Frames t with the hand in t and t + 1, between which the hand and the object both move."""
+    """Frames t between which and t + 1, both valid, the hand and the object both move."""
     both = valid[1:] & valid[:-1]
     both &= np.linalg.norm(np.diff(wrist, axis=0), axis=1) > MOVING_STEP
     cosine = (np.einsum("tij,tij->t", turn[1:], turn[:-1]) - 1) / 2

@@ -25,6 +25,7 @@ from geneoh.readers.checks.hands import (
 from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import read_one
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -168,6 +169,16 @@ def test_a_hand_is_compared_with_the_part_that_it_holds(first):
         torch.cat(parts if first else parts[::-1], 1),
     )
     assert list(doubts(replace(sequence, object=motion), "mug")) == []
+
+
+@pytest.mark.parametrize("marked", [True, False])
+def test_poses_that_were_filled_on_a_line_are_no_contradiction(marked):
+    sequence = draw_clip("mug", 0, 60)
+    seen = torch.ones(60, 1, dtype=torch.bool)
+    seen[7:37] = False
+    motion = fill_object(sequence.object, seen)
+    given = replace(sequence, object=motion if marked else replace(motion, valid=None))
+    assert list(doubts(given, "mug")) == []
 
 
 @pytest.mark.parametrize("turning", [True, False])
