@@ -5,7 +5,8 @@ its observation are solved for jointly, by least squares over all frames: the ob
 in the world or in a hand wherever drift alone may explain its motion there. An object in a loose
 grip returns to the same pose in the hand (`geneoh.objects.holding`). The size of the drift is
 estimated by `geneoh.objects.drift`. No pose moves farther from the smooth track than its noise
-explains.
+explains. In long gaps, which least squares cannot bridge, the object moves with the clean hands
+(`geneoh.objects.held_in_gaps`).
 """
 
 from collections.abc import Sequence
@@ -18,10 +19,12 @@ from scipy import sparse
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
+from torch import Tensor
 
 from geneoh.objects.cleaning import steadiest, symmetry_of
 from geneoh.objects.drift import DRIFT_SECONDS, size_of_drift
 from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
+from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.holding import (
     RADIANS_PER_METRE,
     REST_LAG,
@@ -35,14 +38,18 @@ from geneoh.objects.holding import (
     frame_of,
     grip_of,
 )
+from geneoh.objects.palms import palm_of
 from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.windows import runs
 
 FREE_DRIFT = 0.3
 """Standard deviation of the drift where the object neither rests nor is held, in units of the
 noise: drift and motion cannot be distinguished there."""
 LARGEST_CHANGE = 3.0
 """Largest distance of a pose from the smooth track, standard deviations of the noise."""
+BRIDGED = 0.35
+"""Longest gap of the poses that least squares bridge better than the motion of hands, seconds."""
 
 
 def refine_object(
@@ -65,8 +72,20 @@ def refine_object(
         chosen = unsure[:, part]
         rotation[chosen, part] = torch.from_numpy(turns).to(rotation)[chosen]
         translation[chosen, part] = torch.from_numpy(places).to(translation)[chosen]
+    found = replace(smooth, rotation=rotation, translation=translation)
+    gaps = lost & unsure & ~examined.left_out
+    gaps = torch.stack([in_long_runs(each, BRIDGED * fps) for each in gaps.T], 1)
+    found = held_in_gaps(replace(found, valid=~gaps), map(palm_of, hands))
     valid = None if smooth.valid is None else smooth.valid.any(0).expand_as(smooth.valid)
-    return replace(smooth, rotation=rotation, translation=translation, valid=valid)
+    return replace(found, valid=valid)
+
+
+def in_long_runs(chosen: Bool[Tensor, " T"], frames: float) -> Bool[Tensor, " T"]:
+    """The chosen frames that stand in runs of more than a number of frames."""
+    found = torch.zeros_like(chosen)
+    for run in runs(chosen.cpu().numpy()):
+        found[run] = run.stop - run.start > frames
+    return found
 
 
 def refine_part(

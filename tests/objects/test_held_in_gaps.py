@@ -84,7 +84,51 @@ def test_an_object_that_is_gripped_anew_changes_its_pose_in_the_palm_evenly():
     assert off(held_in_gaps(given, [palm()]), slides) < 0.1 * off(given, slides)
 
 
-def test_an_object_that_is_taken_in_a_gap_stays_on_its_line():
+def passed(first: ObjectTrack, last: ObjectTrack, frame: int) -> ObjectTrack:
+    """The object moves as the first track up to a frame, and as the last one from there on."""
+    both = zip((first.rotation, first.translation), (last.rotation, last.translation), strict=True)
+    rotation, translation = (torch.cat([one[:frame], other[frame:]]) for one, other in both)
+    return replace(first, rotation=rotation, translation=translation)
+
+
+def resting(frame: int) -> ObjectTrack:
+    """The object at rest where the palm has it in a frame."""
+    return HELD[torch.full((FRAMES,), frame)]
+
+
+@pytest.mark.parametrize(("noise", "turned", "left"), [(0.0, 0.0, 0.1), (0.003, 0.03, 0.25)])
+@pytest.mark.parametrize("taken", [True, False])
+def test_an_object_that_is_taken_or_put_down_in_a_gap_rests_and_moves(taken, noise, turned, left):
+    frame = LOST.start + 5
+    ways = (resting(frame), HELD) if taken else (HELD, resting(frame))
+    truth = passed(*ways, frame)
+    given = lost(truth)
+    found = held_in_gaps(given, [palm(noise, turned), AT_REST])
+    assert off(found, truth) < left * off(given, truth)
+
+
+def test_an_object_that_is_passed_in_a_gap_goes_from_palm_to_palm():
+    frame = LOST.start + 5
+    turns, places = TURNS.inv(), PLACES[:, [1, 0, 2]]
+    other_palm = replace(palm(), turns=turns, places=places)
+    grip = turns[frame].inv() * TURNS[frame]
+    there = PLACES[frame] + TURNS[frame].apply(IN_PALM)
+    in_other = turns[frame].inv().apply(there - places[frame])
+    other = track(turns * grip, places + turns.apply(in_other))
+    truth = passed(HELD, other, frame)
+    given = lost(truth)
+    for palms in ([palm(), other_palm], [other_palm, palm()]):
+        assert off(held_in_gaps(given, palms), truth) < 0.25 * off(given, truth)
+
+
+def test_an_object_that_rests_elsewhere_than_the_palm_comes_by_stays_on_its_line():
+    rest = resting(LOST.start + 5)
+    elsewhere = replace(rest, translation=rest.translation + 0.1)
+    given = lost(passed(elsewhere, HELD, LOST.start + 5))
+    assert off(held_in_gaps(given, [palm()]), given) < 1e-6
+
+
+def test_an_object_that_is_gripped_far_from_before_in_a_gap_stays_on_its_line():
     reached = np.where(np.arange(FRAMES) < LOST.start + 6, 0.08, 0.0)[:, None] * [0.0, 1.0, 0.0]
     given = lost(track(TURNS, PLACES + TURNS.apply(IN_PALM + reached)))
     assert off(held_in_gaps(given, [palm()]), given) < 1e-6

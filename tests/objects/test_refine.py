@@ -109,6 +109,19 @@ def test_frames_without_a_pose_follow_the_hand():
     assert torch.equal(refined.rotation[~gap], truth.rotation[~gap])
 
 
+def test_an_object_that_is_lost_while_it_is_taken_rests_and_then_follows_the_hand():
+    truth, hand = scene()
+    seen = torch.ones(FRAMES, 1, dtype=torch.bool)
+    seen[LIFT - 10 : LIFT + 30] = False
+    gap = ~seen[:, 0]
+    for noise in (None, "shaky_2"):
+        given = truth if noise is None else shaken(truth, noise, 0)
+        smooth, examined = clean_object(fill_object(given, seen), 30.0)
+        refined = refine_object(smooth, examined, [hand], 30.0)
+        assert off(refined[gap], truth[gap]) < 0.15 * off(smooth[gap], truth[gap])
+        assert bool(refined.observed.all())
+
+
 @pytest.mark.parametrize("known", [0, 1, 5])
 def test_hardly_any_pose_tells_no_motion(known):
     truth, hand = scene()
