@@ -17,6 +17,8 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
+from geneoh.sequence.windows import runs
+
 CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
 FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of 5 standard deviations weigh 0.1
 ITERATIONS = 6
@@ -25,6 +27,10 @@ WINDOW = 9  # frames over which accelerations are averaged
 LEAST_ACCELERATION = 0.05  # floor of the acceleration in units of the noise, for conditioning
 FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3  # window and floor for the initial, noisy track
 MEDIAN_FRAMES = 5  # window of the median filter for the initial weights, frames
+LONGEST_BRIDGE = 12
+"""Frames of a gap up to which motion is taken to go on evenly through it."""
+FREE_RATIO = 1e4
+"""Variance of accelerations in longer gaps, in units of the largest one elsewhere."""
 MOTION = 0.7  # use eighth differences if they show less than this share of the fourth ones' noise
 LEAST_FRAMES = 16  # frames below which eighth differences are too few
 Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # reduces many lengths to one
@@ -85,8 +91,26 @@ def smooth_points(
     """The smooth track of a point, and the weight of each frame in it, 0 to 1.
 
     At least two frames must be `trusted`; `noise` is the standard deviation per coordinate, in the
-    unit of `observed`.
+    unit of `observed`. What is before a long gap does not change what is after it: motion may have
+    become any other there.
     """
+    track, weight = _smoothed(observed, trusted, noise)
+    unknown = in_long_gaps(trusted)
+    if unknown.any():
+        free = np.asarray(sliding_window_view(unknown, 3).any(1))
+        stretches, weight = _smoothed(observed, trusted, noise, free)
+        bridge = track + interpolated(stretches - track, ~unknown)
+        track = np.where(unknown[:, None], bridge, stretches)
+    return track, weight.clip(0, 1)
+
+
+def _smoothed(
+    observed: Float64[np.ndarray, "T 3"],
+    trusted: Bool[np.ndarray, " T"],
+    noise: float,
+    free: Bool[np.ndarray, " N"] | None = None,
+) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
+    """As `smooth_points`, with any acceleration at the second differences that are `free`."""
     track = interpolated(observed, trusted)
     filled = np.where(trusted[:, None], observed, track)
     # medians ignore outliers, which would be taken for acceleration
@@ -95,11 +119,21 @@ def smooth_points(
     variance = excess.clip(0) + (FIRST_ACCELERATION * noise) ** 2
     weight = _weights(median_filter(track, (MEDIAN_FRAMES, 1)) - filled, trusted, noise)
     for _ in range(ITERATIONS):
+        if free is not None:
+            variance[free] = FREE_RATIO * variance.max()
         track = _solve(filled, weight / noise**2, 1 / variance)
         weight = _weights(track - filled, trusted, noise)
         bends = np.square(np.diff(track, n=2, axis=0)).mean(1)
         variance = uniform_filter1d(bends, WINDOW) + (LEAST_ACCELERATION * noise) ** 2
-    return track, weight.clip(0, 1)
+    return track, weight
+
+
+def in_long_gaps(trusted: Bool[np.ndarray, " T"]) -> Bool[np.ndarray, " T"]:
+    """The frames of gaps that are longer than `LONGEST_BRIDGE`."""
+    found = np.zeros(len(trusted), dtype=bool)
+    for gap in runs(~trusted):
+        found[gap] = gap.stop - gap.start > LONGEST_BRIDGE
+    return found
 
 
 def _weights(

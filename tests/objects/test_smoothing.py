@@ -73,6 +73,18 @@ def test_frames_that_are_not_trusted_are_bridged():
     assert (weight[80:92] == 0).all()
 
 
+@pytest.mark.parametrize("after", [2, 3, 4])
+def test_a_few_frames_after_a_long_gap_stay_where_they_were_seen(after):
+    time = np.arange(100) / 30
+    truth = 0.2 * np.stack([np.sin(5 * time), np.cos(5 * time), 0 * time], axis=1)
+    noisy = truth + 0.002 * np.random.default_rng(3).standard_normal((100, 3))
+    trusted = np.arange(100) < 75
+    trusted[-after:] = True
+    track, _ = smooth_points(noisy, trusted, 0.002)
+    for seen in (slice(0, 75), slice(100 - after, 100)):
+        assert error(track[seen], truth[seen]) < 1.1 * error(noisy[seen], truth[seen])
+
+
 def test_rotations_are_smoothed_like_points():
     generator = np.random.default_rng(3)
     truth = Rotation.from_rotvec(3 * swing())
