@@ -121,6 +121,18 @@ def test_an_object_that_is_passed_in_a_gap_goes_from_palm_to_palm():
         assert off(held_in_gaps(given, palms), truth) < 0.25 * off(given, truth)
 
 
+@pytest.mark.parametrize(("noise", "turned", "left"), [(0.0, 0.0, 0.1), (0.003, 0.03, 0.25)])
+def test_an_object_that_is_taken_and_put_down_in_a_gap_was_carried_by_the_palm(noise, turned, left):
+    gap, taken, put = slice(12, 48), 16, 42
+    truth = passed(passed(resting(taken), HELD, taken), resting(put), put)
+    given = lost(truth, gap)
+    found = held_in_gaps(given, [AT_REST, palm(noise, turned)])
+    assert off(found, truth, gap) < left * off(given, truth, gap)
+    moved = replace(resting(taken), translation=resting(taken).translation - 0.2)
+    given = lost(passed(resting(taken), moved, put), gap)
+    assert off(held_in_gaps(given, [palm(noise, turned)]), given, gap) < 1e-6
+
+
 def test_an_object_that_rests_elsewhere_than_the_palm_comes_by_stays_on_its_line():
     rest = resting(LOST.start + 5)
     elsewhere = replace(rest, translation=rest.translation + 0.1)
