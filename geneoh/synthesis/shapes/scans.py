@@ -150,8 +150,7 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
         mesh = load_mesh(path, unit)
         if warning := size_warning(mesh):
             raise InputError(f"{path}: {warning}")
-        middle = (mesh.verts.amin(0) + mesh.verts.amax(0)) / 2
-        meshes.append(Mesh(mesh.verts - middle, mesh.faces))
+        meshes.append(Mesh(mesh.verts - mesh.center(), mesh.faces))
     listed, held_out = folder / HELD_OUT_FILE, list[str]()
     lines = _text_of(listed).splitlines() if listed.exists() else []
     for name in filter(None, map(str.strip, lines)):

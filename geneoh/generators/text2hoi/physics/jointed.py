@@ -82,8 +82,7 @@ class JointedObject:
         The pivot is the point of the axis that is nearest to the middle of the first part, or, of a
         slide, that middle, as in made actions.
         """
-        verts, axis, pivot = self.meshes[0].verts, self.joint.axis, self.joint.pivot
-        middle = (verts.amin(0) + verts.amax(0)) / 2
+        middle, axis, pivot = self.meshes[0].center(), self.joint.axis, self.joint.pivot
         pivot = middle if self.joint.slides else pivot + (middle - pivot) @ axis * axis
         slides, part = torch.tensor([self.joint.slides]), self.part[None]
         found = {"part": part, "axis": axis[None], "pivot": pivot[None], "slides": slides}

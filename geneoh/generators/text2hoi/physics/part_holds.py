@@ -59,7 +59,7 @@ class PartShapes:
         The first part is replaced by its convex hull, so that no hand is shut in.
         """
         meshes = hull(meshes[0]), meshes[1]
-        middles = [(mesh.verts.amin(0) + mesh.verts.amax(0)) / 2 for mesh in meshes]
+        middles = [mesh.center() for mesh in meshes]
         moved = (Mesh(m.verts - at, m.faces) for m, at in zip(meshes, middles, strict=True))
         names = ("the first part", "the second part")
         scans = build_scans(MeshFolder(names, (), "", tuple(moved)))

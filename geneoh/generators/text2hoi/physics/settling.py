@@ -72,10 +72,9 @@ FORCED = 0.1
 
 def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
     """The standing object as a signed distance grid, and its middle, the origin of the grid."""
-    verts = stood.mesh.verts @ stood.rotation.T + stood.shift
-    middle = (verts.amin(0) + verts.amax(0)) / 2
-    name = "the mesh" if stood.mesh.source is None else str(stood.mesh.source)
-    found = MeshFolder((name,), (), "", (Mesh(verts - middle, stood.mesh.faces),))
+    mesh = Mesh(stood.mesh.verts @ stood.rotation.T + stood.shift, stood.mesh.faces)
+    name, middle = str(stood.mesh.source or "the mesh"), mesh.center()
+    found = MeshFolder((name,), (), "", (Mesh(mesh.verts - middle, mesh.faces),))
     return scanned_object(build_scans(found)), middle
 
 

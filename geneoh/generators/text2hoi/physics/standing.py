@@ -71,7 +71,7 @@ def stand_on_table(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) ->
         InputError: the mesh is too large, too thick or too small for hands; perhaps it is not in
             metres.
     """
-    sides = mesh.verts.amax(0) - mesh.verts.amin(0)
+    sides = mesh.extent()
     size, thickness = float(sides.amax()), float(sides.amin())
     name = mesh.source or "the mesh"
     if not SMALLEST <= size <= LARGEST_SIDE:
