@@ -80,4 +80,4 @@ def share_within(
     count = max(FEWEST_POINTS, round(share * len(near)))
     # as evenly as all points, whose order is that of the faces
     chosen = near[torch.linspace(0, len(near) - 1, count, dtype=torch.float64).round().long()]
-    return SurfaceSamples(points.points[chosen], points.normals[chosen])
+    return points.take(chosen, "P")

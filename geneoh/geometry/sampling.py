@@ -3,19 +3,34 @@
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle, concatenated
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.solid import Solid, build_solid
 
 
 @dataclass(frozen=True)
-class SurfaceSamples:
+class SurfaceSamples(Bundle):
     """Points on a surface, in the mesh's frame."""
 
     points: Float[Tensor, "P 3"]
     normals: Float[Tensor, "P 3"]  # unit length, pointing out of the solid
+
+
+@dataclass(frozen=True)
+class PartSamples(SurfaceSamples):
+    """Points on the parts of an object, in the frame of each."""
+
+    part: Int[Tensor, " P"]  # the part that each point is on
+
+    @classmethod
+    def of(cls, parts: list[SurfaceSamples]) -> "PartSamples":
+        """The points of all parts."""
+        counts = torch.tensor([len(each.points) for each in parts])
+        part = torch.arange(len(parts)).repeat_interleave(counts)
+        return cls(**vars(concatenated(parts, "P")), part=part)
 
 
 def sample_surface(mesh: Mesh | Solid, count: int, *, generator: torch.Generator) -> SurfaceSamples:

@@ -7,13 +7,13 @@ it was made from. An interrupted run resumes after the last complete shard.
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.config import Limited, Limits
@@ -26,7 +26,7 @@ from geneoh.fitting.subject import subject_of
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import MESH_SUFFIXES
-from geneoh.geometry.sampling import sample_surface
+from geneoh.geometry.sampling import PartSamples, sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import mano_files
 from geneoh.objects.camera_motion import in_steady_world
@@ -206,7 +206,7 @@ def cut_hand(
     meshes = tuple(field.mesh for field in held.fields)
     surface = reached_surface(held, subject.joints, config.points, generator=generator)
     motion = {"rotation": held.rotation, "translation": held.translation}
-    world, _ = ObjectSurface(*surface, **motion).in_world()
+    world, _ = ObjectSurface(**vars(surface), **motion).in_world()
     near = torch.cdist(subject.joints[:, :1], world).amin((1, 2)) <= config.reach
     seen = hand.track.observed
     left_out["far from the object"] += int((~near).sum())
@@ -218,8 +218,7 @@ def cut_hand(
     if len(meshes) < PARTS:  # as synthetic objects, where rigid ones have equal parts
         motion = {name: values.repeat_interleave(PARTS, dim=1) for name, values in motion.items()}
     motion |= {"pose": state.pose[0], "wrist": state.wrist[0]}
-    fixed = {"points": surface[0], "normals": surface[1], "part": surface[2]}
-    fixed["offsets"] = subject.offsets[0]
+    fixed = vars(surface) | {"offsets": subject.offsets[0]}
     for start, length in spans(near & seen, config, left_out):
         frames = start + torch.arange(config.longest).clamp(max=length - 1)
         name = f"{recording.name}_{hand.side}_{start:05d}"
@@ -254,22 +253,18 @@ def reached_surface(
     count: int,
     *,
     generator: torch.Generator,
-) -> tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"], Int[Tensor, " P"]]:
-    """Positions, normals and part indices of `count` points, drawn as in cleaning."""
-    drawn = surface_points(surface, joints, generator=generator, count=count)
-    part = torch.arange(len(drawn)).repeat_interleave(torch.tensor([len(d.points) for d in drawn]))
+) -> PartSamples:
+    """`count` points of the object, drawn as in cleaning."""
+    drawn = PartSamples.of(surface_points(surface, joints, generator=generator, count=count))
     # their number is rounded for each part
-    kept = torch.linspace(0, len(part) - 1, count, dtype=torch.float64).round().long()
-    points, normals = (
-        torch.cat([getattr(one, name) for one in drawn]) for name in ("points", "normals")
-    )
-    return points[kept], normals[kept], part[kept]
+    kept = torch.linspace(0, len(drawn.part) - 1, count, dtype=torch.float64).round().long()
+    return drawn.take(kept, "P")
 
 
 def drawn_surface(
     meshes: tuple[Mesh, ...], count: int, *, generator: torch.Generator
-) -> tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"], Int[Tensor, " P"]]:
-    """Positions, normals and part indices of `count` points, in proportion to the parts' areas."""
+) -> PartSamples:
+    """`count` points of the object, in proportion to the parts' areas."""
     areas = torch.stack([mesh.face_vectors().norm(dim=-1).sum() for mesh in meshes])
     edges = (count * areas.cumsum(0) / areas.sum()).round().long().tolist()
     counts = [stop - start for start, stop in pairwise([0, *edges])]
@@ -279,10 +274,7 @@ def drawn_surface(
         if each
     ]
     part = torch.arange(len(meshes)).repeat_interleave(torch.tensor(counts))
-    points, normals = (
-        torch.cat([getattr(one, name) for one in drawn]) for name in ("points", "normals")
-    )
-    return points, normals, part
+    return replace(PartSamples.of(drawn), part=part)
 
 
 def identity(betas: Float[Tensor, " S"] | None) -> str:

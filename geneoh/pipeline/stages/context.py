@@ -21,6 +21,7 @@ from geneoh.denoisers.surface_points import surface_points
 from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.sampling import PartSamples
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
@@ -254,12 +255,9 @@ def stage_context(
     surface: MovingSurface, subject: Subject, fps: float, *, generator: torch.Generator
 ) -> StageContext:
     """The context of a hand with an object."""
-    drawn = surface_points(surface, subject.joints, generator=generator)
-    parts = torch.arange(len(drawn)).repeat_interleave(torch.tensor([len(d.points) for d in drawn]))
+    drawn = PartSamples.of(surface_points(surface, subject.joints, generator=generator))
     return StageContext(
-        points=torch.cat([part.points for part in drawn]).to(surface.rotation),
-        normals=torch.cat([part.normals for part in drawn]).to(surface.rotation),
-        part=parts.to(surface.rotation.device),
+        **vars(drawn.to(surface.rotation.device)),
         rotation=surface.rotation,
         translation=surface.translation,
         trust=subject.trust,

@@ -19,9 +19,10 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.files.fingerprints import are_as_recorded, records_of
 from geneoh.files.reading import noted_reads
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
-from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, Surface, action_of
+from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, action_of, surface_of
 from geneoh.generators.text2hoi.learning.samples import ActionData
 from geneoh.generators.text2hoi.sentences.annotation import has_labels, label_files, labels_of
+from geneoh.geometry.sampling import PartSamples
 from geneoh.progress import OnProgress, OnStep
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.readers.dataset_reader import frames_to_keep
@@ -146,7 +147,7 @@ class Recordings:
     source: AnnotatedSource
     config: RecordedConfig
     options: ReaderOptions
-    surfaces: dict[tuple[str, ...], Surface] = field(default_factory=dict)
+    surfaces: dict[tuple[str, ...], PartSamples] = field(default_factory=dict)
     """Surface points of the objects read so far, which are the same in all recordings."""
 
     @property
@@ -217,7 +218,7 @@ class Recordings:
             sequence = reader.whole(parts, clip, self.options)[0].sequence
             key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
             if key not in self.surfaces:
-                self.surfaces[key] = Surface.of(sequence.object.meshes, self.config.points)
+                self.surfaces[key] = surface_of(sequence.object.meshes, self.config.points)
             surface, up = self.surfaces[key], self.config.up
             seen = torch.from_numpy(frames_to_keep(parts))
             for label in of_object:

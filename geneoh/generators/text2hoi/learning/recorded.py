@@ -20,6 +20,7 @@ from geneoh.generators.text2hoi.physics.standing import POINTS
 from geneoh.generators.text2hoi.sentences.annotation import SHORTEST_CLIP, Label
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, turn_up
+from geneoh.geometry.sampling import PartSamples
 from geneoh.readers.sources.arctic import HINGE
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -37,19 +38,10 @@ class RecordedConfig(Limited):
     """The subject whose clips are for validation only; empty for the last one by name."""
 
 
-@dataclass(frozen=True)
-class Surface:
-    """Surface points of an object in the frame of its meshes, with the joint at zero."""
-
-    points: Float[Tensor, "P 3"]
-    normals: Float[Tensor, "P 3"]
-    part: Int[Tensor, " P"]
-
-    @classmethod
-    def of(cls, meshes: tuple[Mesh, ...], count: int) -> "Surface":
-        """Points sampled by area, the same ones in every clip of an object."""
-        generator = seeded_generator("surface", *(mesh.sha256 for mesh in meshes))
-        return cls(*drawn_surface(meshes, count, generator=generator))
+def surface_of(meshes: tuple[Mesh, ...], count: int) -> PartSamples:
+    """Points of an object with its joint at zero, sampled by area, the same in all of its clips."""
+    generator = seeded_generator("surface", *(mesh.sha256 for mesh in meshes))
+    return drawn_surface(meshes, count, generator=generator)
 
 
 @dataclass(frozen=True)
@@ -66,7 +58,7 @@ class ActionFrame:
 
     @classmethod
     def of(
-        cls, recording: Sequence, start: int, first: int, surface: Surface, up: Axis
+        cls, recording: Sequence, start: int, first: int, surface: PartSamples, up: Axis
     ) -> "ActionFrame":
         """The transforms with the object upright as at time `first`, when its lowest point is on
         the table, and above the origin at time `start`."""
@@ -82,7 +74,7 @@ class ActionFrame:
 
 
 def action_of(
-    recording: Sequence, label: Label, surface: Surface, up: Axis, known: Bool[Tensor, " T"]
+    recording: Sequence, label: Label, surface: PartSamples, up: Axis, known: Bool[Tensor, " T"]
 ) -> Actions | str:
     """A stretch of a recording as one action, or the reason why it cannot be used, in words.
 
@@ -113,7 +105,7 @@ def action_of(
 
 
 def object_action(
-    recording: Sequence, chosen: Int[Tensor, " N"], surface: Surface, place: ActionFrame
+    recording: Sequence, chosen: Int[Tensor, " N"], surface: PartSamples, place: ActionFrame
 ) -> Actions:
     """The object's motion in the chosen frames, without hands."""
     track, zeros = recording.object, torch.zeros(1, dtype=torch.long)

@@ -14,7 +14,7 @@ from trees.videos import h2o
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.generators.text2hoi.learning.action_data import recorded_actions
-from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, Surface
+from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, surface_of
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.meshes import read_mesh
 from geneoh.readers.sources.arctic import read_parts
@@ -133,7 +133,7 @@ def recorded_points(source, root, s, frames):
         "h2o": lambda: (read_mesh(root / "object/milk/milk.obj"),),
         "arctic": lambda: tuple(read_parts(folder.parent / "box")[0].values()),
     }[source]()
-    surface = Surface.of(meshes, POINTS)
+    surface = surface_of(meshes, POINTS)
     points, part = surface.points.double().numpy(), surface.part.numpy()
     whole = points @ s.rotation[frames].transpose(0, 2, 1) + s.shift[frames, None]
     lids = points @ opened(s)[frames, :3, :3].transpose(0, 2, 1) + s.shift[frames, None]
