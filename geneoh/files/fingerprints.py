@@ -89,11 +89,6 @@ def file_digest(paths: Iterable[Path]) -> str:
     return found.hexdigest()[:16]
 
 
-def by_path(files: Iterable[Path]) -> list[tuple[str, Path]]:
-    """Files with their paths as names, sorted, where they may lie in any folder."""
-    return [(str(file), file) for file in sorted(files)]
-
-
 def records_of(files: Iterable[tuple[str, Path]]) -> dict[str, tuple[int, str]]:
     """Size and SHA-256 of files by name."""
     return {name: (file.stat().st_size, _sha256(file)) for name, file in files}

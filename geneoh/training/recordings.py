@@ -19,7 +19,7 @@ from torch import Tensor
 from geneoh.config import Limited, Limits
 from geneoh.denoisers.surface_points import surface_points
 from geneoh.errors import GeneOHError, InputError
-from geneoh.files.fingerprints import are_as_recorded, by_path, files_at, records_of
+from geneoh.files.fingerprints import are_as_recorded, files_at, records_of
 from geneoh.files.reading import noted_reads
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
@@ -298,7 +298,8 @@ def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]
 def with_reads(files: list[tuple[str, Path]], read: set[Path]) -> list[tuple[str, Path]]:
     """Named files, and by path those that were read besides."""
     known = {file.absolute() for _, file in files}
-    return [*files, *by_path(each for each in read - known if each.is_file())]
+    others = sorted(file for file in read - known if file.is_file())
+    return [*files, *((str(file), file) for file in others)]
 
 
 def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> bool:
