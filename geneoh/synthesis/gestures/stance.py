@@ -69,12 +69,8 @@ def draw_gait(
     return Gait(seated, size * torch.sin(turn), 2 * math.pi * cadence * size * torch.cos(turn))
 
 
-def body_skeletons(numbers: list[int], config: StanceConfig) -> Skeleton:
-    """The skeletons of bodies by their indices: the embedded one with other proportions."""
-    return Skeleton(torch.stack([_body(number, config) for number in numbers]))
-
-
-def _body(number: int, config: StanceConfig) -> Float[Tensor, "52 3"]:
+def body_offsets(number: int, config: StanceConfig) -> Float[Tensor, "52 3"]:
+    """The skeleton of a body by its index: the embedded one with other proportions."""
     draws = Draws(1, seeded_generator("body", number))
     size, legs, trunk, arms, hands = (draws.normal(5)[0]).tolist()
     wide = draws.normal()[0].item()

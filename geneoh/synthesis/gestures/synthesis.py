@@ -33,7 +33,7 @@ from geneoh.synthesis.gestures.repertoire import (
 from geneoh.synthesis.gestures.sentences import Doing, hand_sentence, joined_sentences
 from geneoh.synthesis.gestures.stance import (
     StanceConfig,
-    body_skeletons,
+    body_offsets,
     draw_gait,
     standing_bodies,
 )
@@ -231,7 +231,7 @@ def bodies_with_hands(
         for role, sits, moved in zip(roles, seated, swing, strict=True)
     ]
     hands = HandMotion.stacked(each, 0)
-    skeleton = body_skeletons(bodies, config.stance)
+    skeleton = Skeleton(torch.stack([body_offsets(n, config.stance) for n in bodies]))
     fingers = axis_angle_to_matrix(hands.fingers.flatten(2, 3))
     body = standing_bodies(
         skeleton, gait, hands.active, hands.stroke, fingers, config.stance, draws
