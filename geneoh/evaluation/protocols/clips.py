@@ -144,8 +144,7 @@ def wrist_gap(hand: HandTrack, motion: ObjectTrack) -> Array:
     assert wrist is not None, "a hand without joints has a wrist"
     gaps = []
     for part, mesh in enumerate(motion.meshes):
-        local = wrist - motion.translation[:, part]
-        local = (motion.rotation[:, part].mT @ local[..., None])[..., 0].double().numpy()
+        local = motion.seen_from(part, wrist[:, None])[:, 0].double().numpy()
         gap = np.full(len(local), np.nan)
         seen = np.isfinite(local).all(-1)
         gap[seen] = KDTree(mesh.verts.double().numpy()).query(local[seen])[0]
