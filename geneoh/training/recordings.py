@@ -37,7 +37,7 @@ from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz.files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named, with_distinct_names
 from geneoh.representation.region import ObjectSurface
-from geneoh.seeds import seed_of
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import runs
@@ -199,11 +199,9 @@ def cut_hand(
 
     The part of the object that the hand holds comes first, as in cleaning.
     """
-    seed = seed_of("surface", recording.name, hand.side)
-    generator = torch.Generator().manual_seed(seed)
+    generator = seeded_generator("surface", recording.name, hand.side)
     subject = subject_of(hand.track, load_hand("right"))
     held = with_held_part_first(subject.joints, hand.object.surface())
-    meshes = tuple(field.mesh for field in held.fields)
     surface = reached_surface(held, subject.joints, config.points, generator=generator)
     motion = {"rotation": held.rotation, "translation": held.translation}
     world, _ = ObjectSurface(**vars(surface), **motion).in_world()
@@ -215,7 +213,7 @@ def cut_hand(
         left_out["without the object"] += int((near & seen & ~known.all(1)).sum())
         seen = seen & known.all(1)
     state = subject.parameters()
-    if len(meshes) < PARTS:  # as synthetic objects, where rigid ones have equal parts
+    if len(held.fields) < PARTS:  # as synthetic objects, where rigid ones have equal parts
         motion = {name: values.repeat_interleave(PARTS, dim=1) for name, values in motion.items()}
     motion |= {"pose": state.pose[0], "wrist": state.wrist[0]}
     fixed = vars(surface) | {"offsets": subject.offsets[0]}
