@@ -19,10 +19,9 @@ from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
 from geneoh.pipeline.fitted import FittedHand
+from geneoh.pipeline.misfit import depth_left, moved_far
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.stages.run import StageRun
-from geneoh.pipeline.too_far import moved_far
-from geneoh.pipeline.too_large import depth_left
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.normalisation import NormalisedHand

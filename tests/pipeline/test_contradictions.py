@@ -10,7 +10,7 @@ from geneoh.choices import Noise
 from geneoh.geometry.mesh import Mesh
 from geneoh.pipeline.contradictions import HandAtObject, contradictions
 from geneoh.pipeline.denoise import denoise
-from geneoh.pipeline.too_large import DepthLeft
+from geneoh.pipeline.misfit import DepthLeft
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 

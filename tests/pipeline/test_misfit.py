@@ -3,7 +3,7 @@
 import numpy as np
 
 from geneoh.pipeline.contradictions import lasting_shift
-from geneoh.pipeline.too_far import MovedFar
+from geneoh.pipeline.misfit import MovedFar
 
 
 def test_a_shift_counts_if_it_lasts():
