@@ -18,9 +18,9 @@ LARGEST_QUATERNION = 1e6  # sum of absolute values beyond which it is no rotatio
 
 
 def rigid_matrices(rotation: Array, translation: Array) -> Array:
-    """(T, 4, 4) from (T, 3, 3) and (T, 3)."""
-    result = np.tile(np.eye(4), (len(rotation), 1, 1))
-    result[:, :3, :3], result[:, :3, 3] = rotation, translation
+    """(..., 4, 4) from (..., 3, 3) and (..., 3)."""
+    result = np.tile(np.eye(4), (*rotation.shape[:-2], 1, 1))
+    result[..., :3, :3], result[..., :3, 3] = rotation, translation
     return result
 
 

@@ -111,7 +111,7 @@ def pose_of(record: Record) -> Array:
     rotation = record.array("mesh_rotation", (4,), (3,))
     turn = rotation[None] if len(rotation) == 3 else -transforms.axis_angles_of_wxyz(rotation[None])
     shift = record.array("mesh_translation", (3,))
-    return transforms.rigid_matrices(transforms.rotation_matrices(turn), shift[None])[0]
+    return transforms.rigid_matrices(transforms.rotation_matrices(turn)[0], shift)
 
 
 def rows_by_frame(folder: Path, first: int, frames: int) -> dict[Side, dict[int, int]]:

@@ -139,11 +139,9 @@ def pose_list(path: Path) -> list[Record]:
 def part_pose(part: Record) -> Array:
     """(4, 4) of one part: v_camera = R v + centre, R from intrinsic XYZ angles."""
     centre, turn = part.record("center"), part.record("rotation")
-    pose = np.eye(4)
-    angles = [turn.finite(axis) for axis in "xyz"]
-    pose[:3, :3] = Rotation.from_euler("XYZ", angles).as_matrix()
-    pose[:3, 3] = [centre.finite(axis) for axis in "xyz"]
-    return pose
+    angles, place = ([field.finite(axis) for axis in "xyz"] for field in (turn, centre))
+    rotation = Rotation.from_euler("XYZ", angles).as_matrix()
+    return transforms.rigid_matrices(rotation, np.array(place))
 
 
 def read_cameras(path: Path, frames: int) -> tuple[Array | None, Notes]:
