@@ -115,9 +115,8 @@ def numbers_of_lists(table: Table) -> list[list[int]]:
 
 def columns_of(coordinates: dict[str, Coordinate], axes: str) -> list[str]:
     """The columns of some axes, in order; none if an axis is missing or occurs twice."""
-    by_axis = {axis: [name for name, at in coordinates.items() if at.axis == axis] for axis in axes}
-    names = [name for found in by_axis.values() for name in found]
-    return names if all(len(found) == 1 for found in by_axis.values()) else []
+    found = [[name for name, at in coordinates.items() if at.axis == axis] for axis in axes]
+    return [name for (name,) in found] if all(len(names) == 1 for names in found) else []
 
 
 def with_stamps(table: Table) -> Table:
