@@ -8,6 +8,7 @@ camera counts as still.
 """
 
 from functools import partial
+from itertools import accumulate
 
 import numpy as np
 import torch
@@ -150,8 +151,6 @@ def stilled(motion: ObjectTrack, held: Float64[np.ndarray, "T Q"]) -> Rigid:
     step[:, :3, :3] = Rotation.from_rotvec(share[:, None] * turn).as_matrix()
     step[:, :3, 3] *= share[:, None]
     changes = before @ step @ np.linalg.inv(after)
-    still = np.tile(np.eye(4), (frames, 1, 1))
-    for frame, change in enumerate(changes):
-        still[frame + 1] = still[frame] @ change
+    still = np.stack(list(accumulate(changes, np.matmul, initial=np.eye(4))))
     turns = Rotation.from_matrix(still[:, :3, :3]).as_matrix()
     return Rigid(*(torch.from_numpy(x).to(motion.rotation) for x in (turns, still[:, :3, 3])))
