@@ -30,7 +30,7 @@ from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.progress import OnStep, part_of
+from geneoh.progress import OnStep, counted, part_of
 from geneoh.sequence.gaps import observed_around
 from geneoh.sequence.keypoints import KNUCKLES
 from geneoh.sequence.windows import blocks, widened
@@ -144,9 +144,9 @@ def _fit_frames(
     weight = trust.sqrt() / config.joint_std
     steady = steadiness_weight(config).to(target)
     rounds = config.contact_rounds if obstacles else 0
-    total = config.iterations + 2 * rounds
+    report = counted(on_step, config.iterations + 2 * rounds)
     damping = target.new_full(target.shape[:2] if config.by_frame else (len(target), 1), 1e-2)
-    state, done = start, 0
+    state = start
     for around in range(rounds + 1):
         met = [planes(state, shaped, config) for planes in obstacles] if around else []
 
@@ -163,9 +163,7 @@ def _fit_frames(
         here = equations(state)
         for _ in range(2 if around else config.iterations):
             state, here, damping = _step(state, here, equations, steady, damping)
-            done += 1
-            if on_step is not None:
-                on_step(done, total)
+            report()
     return state
 
 
