@@ -1,12 +1,16 @@
 """The stage context of a hand without an object. MotionDiff treats it as a hand far from any
 surface, where all its object features are zero. The canonical frame is fixed in the world, at the
-centre of the hand's path."""
+centre of the hand's path, or moves with a hand that travels, as that of someone who walks: the
+networks learned hands that stay within reach of one place, and would pull one that covers metres in
+a window back toward the window's centre."""
 
 import math
 from dataclasses import dataclass, fields
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 from torch import Tensor
 
 from geneoh.fitting.subject import Subject
@@ -25,8 +29,15 @@ from geneoh.pipeline.stages.context import StageContext
 from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
 from geneoh.sequence.keypoints import palm_axes
+from geneoh.sequence.windows import WINDOW
 
 DUMMY_DISTANCE = 1.0  # of the dummy surface, metres: closeness decays over centimetres
+PATH_FRAMES = 15.0
+"""Standard deviation of the Gaussian that smooths the hand's path, frames at 30 a second."""
+WITHIN_REACH, TRAVELLING = 0.8, 1.2
+"""Extent of the path in the frames of a window around each one, metres: up to the first bound the
+hand stays in the given frame, from the second on its frame moves with it. Made hands that reach for
+an object cover up to 0.7 m, and someone who walks 2.6 m."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,22 @@ def hand_alone(subject: Subject, fps: float) -> HandAlone:
         trust=subject.trust,
         fps=fps,
     )
+
+
+def travelled(joints: Float[Tensor, "T 21 3"], fps: float) -> Float[Tensor, "T 3"]:
+    """Position of the frame that moves with a hand where it travels, from its first one, metres;
+    zero for a hand that stays within reach."""
+    middle, more = joints.mean(1).cpu().double().numpy(), min(WINDOW, len(joints) - 1)
+    own = slice(more, more + len(middle))
+    # it goes on as it begins and ends
+    longer = np.pad(middle, ((more, more), (0, 0)), mode="reflect", reflect_type="odd")
+    path = gaussian_filter1d(longer, PATH_FRAMES * fps / 30, axis=0, mode="nearest")
+    bounds = (each(path, WINDOW + 1, axis=0) for each in (maximum_filter1d, minimum_filter1d))
+    extent = np.linalg.norm(np.subtract(*bounds), axis=1)[own]
+    share = ((extent - WITHIN_REACH) / (TRAVELLING - WITHIN_REACH)).clip(0, 1)
+    steps = 0.5 * (share[:-1] + share[1:])[:, None] * np.diff(path[own], axis=0)
+    moved = np.concatenate([np.zeros((1, 3)), steps.cumsum(0)])
+    return torch.from_numpy(moved).to(joints)
 
 
 def measure_hand(

@@ -16,12 +16,11 @@ from geneoh.nn.checkpoint import finite_output
 from geneoh.objects.carrying import with_held_part_first
 from geneoh.objects.evidence import blended, evidence_of_place
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
-from geneoh.pipeline.stages.alone import hand_alone
+from geneoh.pipeline.stages.alone import hand_alone, travelled
 from geneoh.pipeline.stages.context import StageContext, repeated, stage_context
 from geneoh.pipeline.stages.denoising import denoise_motion, denoise_spatial, denoise_temporal
 from geneoh.pipeline.stages.jitter import without_jitter, without_jitter_over_object
 from geneoh.pipeline.stages.paper import denoise_latent, denoise_relations, denoise_trajectory
-from geneoh.pipeline.stages.travelling import travelled
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks

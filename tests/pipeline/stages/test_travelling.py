@@ -7,7 +7,7 @@ import torch
 
 import geneoh
 from geneoh.geometry.rigid import Rigid
-from geneoh.pipeline.stages.travelling import travelled
+from geneoh.pipeline.stages.alone import travelled
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.placing import placed
 from geneoh.sequence.sequence import ObjectTrack, Sequence
