@@ -70,8 +70,7 @@ def contact_agreement(
 ) -> ContactAgreement:
     """Agreement of two contact maps, of any kind of points, over all points and frames together."""
     both = (contact & truth).sum((-2, -1)).double()
-    found = contact.sum((-2, -1)).double() + torch.zeros_like(both)
-    true = truth.sum((-2, -1)).double() + torch.zeros_like(both)
+    found, true = (each.sum((-2, -1)).double() for each in (contact, truth))
     ratios = both / (found + true - both), both / found, both / true, 2 * both / (found + true)
     return ContactAgreement(*(ratio.float() for ratio in ratios))
 
