@@ -198,13 +198,12 @@ class Recordings:
                 else:
                     found.append(action)
                     labels.append(label)
-        tensors = vars(concatenated(found, "B")) if found else {}
         record = self.wanted | {
             "files": records_of(with_reads(self.files(clip), read)),
             "labels": labels,
             "left_out": dict(left_out),
         }
-        write_tensors(shard, {n: t.contiguous() for n, t in tensors.items()}, record, parents=True)
+        write_tensors(shard, vars(concatenated(found, "B")) if found else {}, record, parents=True)
 
     def cut(self, clip: SourceClip) -> Iterator[tuple[Actions | str, dict[str, str]]]:
         """Each labelled stretch of a recording as an action, or the reason why it is not used."""
