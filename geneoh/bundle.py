@@ -99,17 +99,19 @@ class Bundle:
         return replace(self, **changed)
 
 
-def equal_values(self: Any, other: Any) -> bool:
-    """Whether all compared fields are equal, tensors in every number; NaN in a tensor equals
-    nothing. It is the `__eq__` of dataclasses with tensors, where the generated one would fail."""
-    return _same(self, other) if type(self) is type(other) else NotImplemented
+class ByValue:
+    """Base of dataclasses with tensors that are declared with eq=False and repr=False, because the
+    generated methods would fail to compare tensors, and would print all of their numbers."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all compared fields are equal, tensors in every number; NaN in a tensor equals
+        nothing."""
+        return _same(self, other) if type(self) is type(other) else NotImplemented
 
-def repr_by_shapes(self: Any) -> str:
-    """The fields, with the shapes of tensors. It is the `__repr__` of dataclasses with tensors,
-    where the generated one would print all numbers."""
-    shown = ", ".join(f"{field.name}={_shown(getattr(self, field.name))}" for field in fields(self))
-    return f"{type(self).__name__}({shown})"
+    def __repr__(self: Any) -> str:
+        """The fields, with the shapes of tensors."""
+        each = (f"{field.name}={_shown(getattr(self, field.name))}" for field in fields(self))
+        return f"{type(self).__name__}({', '.join(each)})"
 
 
 def show_text(self: Any, printer: Any, cycle: bool) -> None:

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Float64, Int
 from torch import Tensor
 
-from geneoh.bundle import Bundle, conform, equal_values, repr_by_shapes
+from geneoh.bundle import Bundle, ByValue, conform
 from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_faces, mirror_points
@@ -36,8 +36,8 @@ TINY = 1e-30
 """Length in float64 below which a vector has no direction; torch's 1e-12 is a possible area."""
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(ByValue, Bundle):
     """A triangle mesh in metres; faces are counter-clockwise seen from outside, if they agree."""
 
     verts: Float[Tensor, "V 3"]
@@ -46,9 +46,6 @@ class Mesh(Bundle):
     """Absolute path of the file it was read from; None for a mesh that was made or changed."""
     parts: tuple["Mesh", ...] = ()
     """The separate meshes of a file that holds several; `verts` and `faces` join them."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
         """A hash of sizes and file, which equal meshes share."""

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, equal_values, repr_by_shapes
+from geneoh.bundle import Bundle, ByValue
 from geneoh.errors import numbered
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -18,8 +18,8 @@ metres: motion capture has 0.003 and 0.00016. At lower frame rates motion itself
 in proportion to the square of the time between frames, and the bounds are scaled by that."""
 
 
-@dataclass(frozen=True, eq=False)
-class ObjectExamination(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class ObjectExamination(ByValue, Bundle):
     """Noise and faults in the track of an object with Q parts."""
 
     rotation_noise: Float[Tensor, " Q"]
@@ -38,9 +38,6 @@ class ObjectExamination(Bundle):
     """Whether a part's track was cleaned."""
     aligned: ObjectTrack
     """The input poses with symmetry flips undone."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
 
     @classmethod
     def of_exact(cls, motion: ObjectTrack) -> "ObjectExamination":

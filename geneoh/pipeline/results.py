@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call
-from geneoh.bundle import Bundle, Index, equal_values, repr_by_shapes, show_text
+from geneoh.bundle import Bundle, ByValue, Index, show_text
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.files.npz import Arrays, read_archive
@@ -50,8 +50,8 @@ class Result(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class HandResult(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class HandResult(ByValue, Bundle):
     """The result of one hand."""
 
     track: HandTrack
@@ -85,9 +85,6 @@ class HandResult(Bundle):
     evidence: Float[Tensor, " T"]
     """Share of each frame, 0 to 1, that was cleaned against the object. The rest, where the object
     is not reliable, was cleaned by the prior of hand motion alone."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
 
     def __getitem__(self, frames: Index) -> "HandResult":
         """The chosen frames, and the samples of their time."""
@@ -125,8 +122,8 @@ class HandResult(Bundle):
         return f"{drawn}; {spent}"
 
 
-@dataclass(frozen=True, eq=False)
-class Denoised(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class Denoised(ByValue, Bundle):
     """The result of `geneoh.denoise`. As text it is what the command prints."""
 
     sequence: Sequence
@@ -146,8 +143,6 @@ class Denoised(Bundle):
     doubts: tuple[str, ...] = ()
     """Doubts about the input, such as about its side, each with a remedy."""
 
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
     _repr_pretty_ = show_text
 
     def __str__(self) -> str:

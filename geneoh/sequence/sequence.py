@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, Index, conform, equal_values, repr_by_shapes
+from geneoh.bundle import Bundle, ByValue, Index, conform
 from geneoh.choices import HAND_SOURCES, OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
@@ -20,8 +20,8 @@ from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rota
 WELL_SEEN = 0.95  # quantile of confidences: a maximum would depend on a single keypoint
 
 
-@dataclass(frozen=True, eq=False)
-class HandTrack(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class HandTrack(ByValue, Bundle):
     """One hand over T frames in the world frame; at least `joints`, or `pose` with `wrist`."""
 
     side: Side
@@ -49,9 +49,6 @@ class HandTrack(Bundle):
     camera_ray: Float[Tensor, "T 3"] | None = None
     """Unit direction in the world from the camera to the hand, for hands that were estimated from
     images; None where it is not known (`geneoh.sequence.camera`)."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
         """A hash of side and length, which equal tracks share."""
@@ -124,8 +121,8 @@ def refuse_unknown_model(hand_model: str | None, where: str) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class ObjectTrack(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class ObjectTrack(ByValue, Bundle):
     """An object of Q rigid parts: p_world = rotation @ p_object + translation."""
 
     meshes: tuple[Mesh, ...]
@@ -135,9 +132,6 @@ class ObjectTrack(Bundle):
     """False where a part's pose was not observed and is filled in; None where all were observed."""
     missing: str = ""
     """Why the meshes that its file names could not be read, in words; else empty."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
 
     def __hash__(self) -> int:
         """A hash of meshes and length, which equal tracks share."""
@@ -224,7 +218,7 @@ class ObjectTrack(Bundle):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sequence(Bundle):
+class Sequence(ByValue, Bundle):
     """Hands and object that share T frames at `fps` frames a second."""
 
     hands: tuple[HandTrack, ...]
@@ -270,8 +264,6 @@ class Sequence(Bundle):
         frames = numbered(self.frames, "frame")
         named = self.source or "sequence"
         return f"{named}: {frames} at {self.fps:g} frames a second, {around}"
-
-    __eq__ = equal_values
 
     def __getitem__(self, frames: Index) -> "Sequence":
         """The chosen frames; a step of n frames divides the frame rate by n."""

@@ -11,7 +11,7 @@ import torch
 from geneoh.arguments import checked_call, given_options
 from geneoh.body.motion import BodyMotion, grounded, pose, turned_body
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
-from geneoh.bundle import equal_values, repr_by_shapes, show_text
+from geneoh.bundle import ByValue, show_text
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields
 from geneoh.errors import InputError, numbered
@@ -64,8 +64,8 @@ NOTED_DISTANCE_MM = 5.0
 """Distance in millimetres of a body's wrists from those of its hands above which it is noted."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodyWithHands:
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyWithHands(ByValue):
     """A body whose fingers were made for a sentence. As text it is what the command prints."""
 
     body: BodyRecording
@@ -77,8 +77,6 @@ class BodyWithHands:
     refined: Denoised | None
     """The result of the cleaner; None if it did not run."""
 
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
     _repr_pretty_ = show_text
 
     def __str__(self) -> str:

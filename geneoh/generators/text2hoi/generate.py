@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.arguments import checked_call, given_options
-from geneoh.bundle import equal_values, repr_by_shapes, show_text
+from geneoh.bundle import ByValue, show_text
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, SIDES, STEPS, Axis, Refiner
 from geneoh.config import check_fields
 from geneoh.errors import numbered
@@ -79,8 +79,8 @@ class GenerateOptions:
         check_fields(self, GENERATION)
 
 
-@dataclass(frozen=True, eq=False)
-class Generated:
+@dataclass(frozen=True, eq=False, repr=False)
+class Generated(ByValue):
     """An interaction that was made for a sentence. As text it is what the command prints."""
 
     sequence: Sequence
@@ -91,8 +91,6 @@ class Generated:
     refined: Denoised | None
     """The result of the cleaner; None if it did not run."""
 
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
     _repr_pretty_ = show_text
 
     def __str__(self) -> str:

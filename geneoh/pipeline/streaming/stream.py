@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.bundle import equal_values
+from geneoh.bundle import ByValue
 from geneoh.choices import Side
 from geneoh.config import as_field_type
 from geneoh.denoisers.library import load_denoisers
@@ -48,7 +48,7 @@ FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
 
 
 @dataclass(frozen=True, eq=False)
-class CleanFrame:
+class CleanFrame(ByValue):
     """One output frame of a stream."""
 
     index: int
@@ -61,8 +61,6 @@ class CleanFrame:
     contact: Float[Tensor, " 5"] | None = None
     """Probability that each finger touches the object, from the thumb to the little finger; None
     without a hand or an object. It is 0.5 without evidence, as until the hand comes near."""
-
-    __eq__ = equal_values
 
 
 class Stream:

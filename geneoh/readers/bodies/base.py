@@ -8,7 +8,7 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose, turned_body
 from geneoh.body.skeleton import JOINT_NAMES, Skeleton
-from geneoh.bundle import Bundle, equal_values, repr_by_shapes
+from geneoh.bundle import Bundle, ByValue
 from geneoh.choices import Axis
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import nearest_axis, turn_up
@@ -24,8 +24,8 @@ LARGEST_SPEED = 15.0
 """Median speed in metres a second that no pelvis reaches."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodyRecording(Bundle):
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyRecording(ByValue, Bundle):
     """One body over T frames, as a file has it, but in metres and in a world with y up."""
 
     motion: BodyMotion
@@ -47,9 +47,6 @@ class BodyRecording(Bundle):
     """The file's descriptions of what the hands do; each is another wording."""
     notes: Notes = ()
     """Assumptions that were made, as sentences."""
-
-    __eq__ = equal_values
-    __repr__ = repr_by_shapes
 
     @property
     def frames(self) -> int:
