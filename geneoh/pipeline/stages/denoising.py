@@ -17,14 +17,14 @@ from geneoh.baselines.filters import Filter, smooth
 from geneoh.bundle import concatenated
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.spatial import SpatialDenoiser
-from geneoh.denoisers.temporal import StepCorrection, TemporalDenoiser
+from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
 from geneoh.diffusion.samplers import Model, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import align_to_steps
 from geneoh.pipeline.presets import PlacePlan, StagePlan
-from geneoh.pipeline.stages.context import Piece, StageContext, repeated
-from geneoh.progress import OnStep, counted
+from geneoh.pipeline.stages.context import StageContext, repeated
+from geneoh.progress import OnStep, counted, steps
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.windows import blocks
@@ -179,16 +179,12 @@ def denoise_temporal(
     """
     if context.frames < 2:
         return whole
-    pieces = context.pieces(1)
-    advance = counted(on_step, len(pieces))
     middle = whole.mean(0, keepdim=True)
-
-    def answer(piece: Piece) -> StepCorrection:
-        found = model(piece.steps(observed[:, piece.frames], middle[:, piece.frames]))
-        advance()
-        return found
-
-    found = concatenated([answer(piece) for piece in pieces], "B").map(context.blend)
+    each = [
+        model(piece.steps(observed[:, piece.frames], middle[:, piece.frames]))
+        for piece in steps(context.pieces(1), on_step)
+    ]
+    found = concatenated(each, "B").map(context.blend)
     shift = without_drift(align_to_steps(found.change, found.steps, found.places), context.fps)
     return whole + shift @ context.rotation[:, 0].mT
 
