@@ -48,13 +48,11 @@ def corrupt_object(
             "to, got hands alone; leave the object's noise out (--object-noise)"
         )
     frames, parts = motion.rotation.shape[:2]
-    turns, shifts = [], []
-    for _ in range(parts):
-        turn, shift = draw_object_noise(noise, frames, generator=generator)
-        turns.append(axis_angle_to_matrix(turn))
-        shifts.append(shift)
-    rotation = motion.rotation @ torch.stack(turns, dim=1).to(motion.rotation)
-    translation = motion.translation + torch.stack(shifts, dim=1).to(motion.translation)
+    drawn = [draw_object_noise(noise, frames, generator=generator) for _ in range(parts)]
+    turn = torch.stack([axis_angle_to_matrix(turn) for turn, _ in drawn], dim=1)
+    shift = torch.stack([shift for _, shift in drawn], dim=1)
+    rotation = motion.rotation @ turn.to(motion.rotation)
+    translation = motion.translation + shift.to(motion.translation)
     source = f"{noise} noise of the object, seed {generator.initial_seed()}, on {sequence.source}"
     noisy = fill_object(replace(motion, rotation=rotation, translation=translation), motion.valid)
     return replace(sequence, object=noisy, source=source)
