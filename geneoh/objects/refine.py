@@ -38,7 +38,7 @@ from geneoh.objects.holding import (
     frame_of,
     grip_of,
 )
-from geneoh.objects.palms import palm_of
+from geneoh.objects.palms import palm_of, world_path
 from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import runs
@@ -109,7 +109,7 @@ def refine_part(
     squared = np.square(seen[1] - first[1]).sum(1) / noise[1] ** 2
     weights = confidence, ~lost * (FREEDOM + 3) / (FREEDOM + squared)
     known = confidence > 0
-    turned = path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
+    turned = world_path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
     shakes = (noise[0] > EXACT_ROTATION, turned), (noise[1] > EXACT_TRANSLATION, seen[1])
     observed = [values / size for size, (noisy, values) in zip(noise, shakes, strict=True) if noisy]
     share = size_of_drift(observed, known, fps)
@@ -152,7 +152,7 @@ def _resting(
     turns, places = first
     sizes = tuple(zip(track.noise, track.drift, strict=True))
     start = np.arange(len(places) - 1)
-    bends = np.diff(path(turns), n=2, axis=0), np.diff(places, n=2, axis=0)
+    bends = np.diff(world_path(turns), n=2, axis=0), np.diff(places, n=2, axis=0)
     stiff = [
         1 / (uniform_filter1d(np.square(bend).mean(1), WINDOW) + (LEAST_ACCELERATION * size) ** 2)
         for bend, size in zip(bends, track.noise, strict=True)
@@ -175,7 +175,7 @@ def _resting(
             (turn, -turned, w / RADIANS_PER_METRE**2)
             for (turn, _), (turned, _), w in zip(motion, left, still, strict=True)
         ]
-        gap, bend = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), n=2, axis=0)
+        gap, bend = (seen[0] * turns.inv()).as_rotvec(), np.diff(world_path(turns), n=2, axis=0)
         held = [((grip.turns * turns.inv()).as_rotvec(), grip.weights[0]) for grip in grips]
         step = solve(gap, weights[0], sizes[0], stay, loose, held, moves, -bend, stiff[0])
         turns = Rotation.from_rotvec(step) * turns
@@ -246,12 +246,6 @@ def each(values: np.ndarray) -> sparse.csr_matrix:
 def triple(matrix: sparse.csr_matrix) -> sparse.csr_matrix:
     """A matrix over frames, extended to three coordinates per frame."""
     return sparse.csr_matrix(sparse.kron(matrix, sparse.identity(3)))
-
-
-def path(turns: Rotation) -> Track:
-    """Cumulative sum of rotation steps in world axes, radians."""
-    steps = (turns[1:] * turns[:-1].inv()).as_rotvec()
-    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
 
 
 def bounded(step: Track, noise: float, seen: Bool[np.ndarray, " T"]) -> Track:
