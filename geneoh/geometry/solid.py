@@ -105,11 +105,8 @@ def build_solid(mesh: Mesh) -> Solid:
     body = with_walls(sheets, patches)
     winding = winding_of(body)
     closed = not bool(open_edges(body.faces).any())
-    surface = (
-        outward_by_volume(body)
-        if closed and int(patches.max()) == 0
-        else outward_by_winding(body, winding)
-    )
+    one_shell = closed and int(patches.max()) == 0
+    surface = outward_by_volume(body) if one_shell else outward_by_winding(body, winding)
     surface = Mesh(surface.verts, surface.faces[(surface.face_normals() != 0).any(-1)])
     if not len(surface.faces):
         raise InputError(

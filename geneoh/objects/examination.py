@@ -54,11 +54,8 @@ class ObjectExamination(ByValue, Bundle):
     def sentences(self, refined: bool = False) -> Iterator[str]:
         """Sentences for the user about the object's poses; `refined` is whether the result has
         poses that agree with the clean hands."""
-        cure = (
-            ""
-            if refined
-            else "with --refine-object the result has poses that agree with the clean hands, "
-        )
+        cure = "with --refine-object the result has poses that agree with the clean hands, "
+        cure = "" if refined else cure
         for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
             name = self.aligned.name_of(part)
             turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])

@@ -97,11 +97,8 @@ def frames_in(value: Any) -> list[Any]:
 
     Times are whole milliseconds or smaller units. A result may be nested in "result".
     """
-    named = (
-        {str(name): NUMBERED.fullmatch(str(name)) for name in value}
-        if isinstance(value, dict)
-        else {}
-    )
+    names = value if isinstance(value, dict) else ()
+    named = {str(name): NUMBERED.fullmatch(str(name)) for name in names}
     if named and all(named.values()):
         numbers = (
             (int(found[1] or found[2]), value[name] or {}) for name, found in named.items() if found
