@@ -46,7 +46,6 @@ class TemporalAutoencoder(nn.Module):
     def __init__(self, config: LatentConfig) -> None:
         """Build encoder and decoder; latent statistics are buffers set after training."""
         super().__init__()
-        self.config = config
         point, width = config.point_width, config.width
         self.encode_point = mlp(3 + 6 + 21 * 7, point, point)
         self.embed = nn.Linear(2 * point + HAND_NUMBERS, width)
