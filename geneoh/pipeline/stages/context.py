@@ -221,11 +221,11 @@ class StageContext(ObjectSurface):
         near = nearest_on_parts(joints[None], self.surface)
         return near.points[0], near.normals[0]
 
-    def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
+    def observed_motion(self, hand: HandParameters) -> ObservedMotion:
         """Windows of a world-frame hand (one sample) as the condition of MotionDiff."""
         nearest, outward = self.nearest_surface(hand.joints[0])
         surface = self.cut(nearest, 0), self.cut(outward, 0)
-        trust = self.cut(self.trust, 0).mean(-1)
+        trust, region = self.cut(self.trust, 0).mean(-1), self.region(hand.joints)
         return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
 
 

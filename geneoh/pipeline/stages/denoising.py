@@ -15,7 +15,7 @@ from torch import Tensor
 
 from geneoh.baselines.filters import Filter, smooth
 from geneoh.bundle import concatenated
-from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
+from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
@@ -55,11 +55,7 @@ def denoise_motion(
     pieces = context.pieces(samples)
     advance = counted(on_step, plan.calls * len(pieces))
 
-    def observed(frames: slice, piece: StageContext) -> ObservedMotion:
-        own = hand[frames]
-        return piece.observed_motion(own, piece.region(own.joints))
-
-    seen = [observed(frames, piece) for _, frames, piece in pieces]
+    seen = [piece.observed_motion(hand[frames]) for _, frames, piece in pieces]
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         def answer(index: int) -> Tensor:
