@@ -33,18 +33,15 @@ def without_following(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     if len(sequence.hands) != 2 or not all(bool(h.observed.any()) for h in sequence.hands):
         return sequence, ()
     one, other = sequence.hands
-    found = [following(one, other), following(other, one)]
+    found = (one, following(one, other)), (other, following(other, one))
     notes = tuple(
         f"the {hand.side} hand follows the other hand in {numbered(int(wrong.sum()), 'frame')}, "
         "as where a tracker finds one hand twice: taken as missing"
-        for hand, wrong in zip(sequence.hands, found, strict=True)
+        for hand, wrong in found
         if bool(wrong.any())
     )
-    hands = [
-        replace(hand, valid=hand.valid & ~wrong)
-        for hand, wrong in zip(sequence.hands, found, strict=True)
-    ]
-    return (replace(sequence, hands=tuple(hands)) if notes else sequence), notes
+    hands = tuple(replace(hand, valid=hand.valid & ~wrong) for hand, wrong in found)
+    return (replace(sequence, hands=hands) if notes else sequence), notes
 
 
 def following(hand: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
