@@ -69,16 +69,10 @@ class Jitter:
     fourth: Float64[Tensor, " 3"]
     """Unit vectors of the largest variance, world frame."""
     ratio: float
-    ratio_of_fourth: float
-    """Ratio of that variance to the next one."""
-    is_noise: bool
-    """Whether it is large enough to be no rounding and white enough to be no motion."""
-
-    @property
-    def certain(self) -> float:
-        """The excess over 1 of the ratio that both orders show."""
-        excess = min(self.ratio - 1, (self.ratio_of_fourth - 1) / FOURTH_SHARE)
-        return excess if self.is_noise else 0.0
+    """Ratio of that variance of the second differences to the next one."""
+    certain: float
+    """The excess over 1 of the ratio that both orders show; 0 for jitter that is small enough to be
+    rounding or not white enough to be no motion."""
 
 
 def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | None:
@@ -114,7 +108,8 @@ def measured_jitter(
         float((values @ axis).abs().median()) / NORMAL_MEDIAN for values in (second, fourth)
     )
     is_noise = white >= max(least, WHITE * jitter)
-    return Jitter(axis, axis_of_fourth, ratio, ratio_of_fourth, is_noise)
+    excess = min(ratio - 1, (ratio_of_fourth - 1) / FOURTH_SHARE)
+    return Jitter(axis, axis_of_fourth, ratio, excess if is_noise else 0.0)
 
 
 def jitter_of(
