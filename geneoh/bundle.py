@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import torch
-from jaxtyping import AbstractArray, Int
+from jaxtyping import AbstractArray, Bool, Int
 from torch import Tensor
 
 from geneoh.errors import InputError
@@ -172,6 +172,17 @@ def concatenated(parts: Iterable[AnyBundle], axis: str = FRAMES) -> AnyBundle:
         return torch.cat(joined, dim=place)  # pyright: ignore
 
     return first._changed(join)
+
+
+def where(mask: Bool[Tensor, "..."], new: AnyBundle, old: AnyBundle) -> AnyBundle:
+    """Bundles of tensors alone: `new` where `mask`, whose axes all tensors begin with, is true, and
+    `old` elsewhere."""
+
+    def chosen(name: str) -> Tensor:
+        one, other = getattr(new, name), getattr(old, name)
+        return torch.where(mask.view(*mask.shape, *[1] * (one.ndim - mask.ndim)), one, other)
+
+    return replace(old, **{field.name: chosen(field.name) for field in fields(old)})
 
 
 def gathered(parts: Sequence[AnyBundle], places: Int[Tensor, "N 2"]) -> AnyBundle:

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.bundle import Bundle, concatenated, position
+from geneoh.bundle import Bundle, concatenated, position, where
 from geneoh.sequence.sequence import HandTrack
 
 T = 6
@@ -83,6 +83,19 @@ def test_parts_joined_again_are_the_whole(outer):
     twice = concatenated([outer.inner[0]] * 2, "B")
     assert twice.moving.shape == (4, T, 3)
     assert twice.still.shape == (4, 20, 3)
+
+
+def test_one_mask_of_the_first_axes_chooses_between_the_tensors_of_two_bundles():
+    @dataclass(frozen=True)
+    class Hand(Bundle):
+        turn: Float[Tensor, "B T 3 3"]
+        width: Float[Tensor, "B T"]
+
+    mask = torch.tensor([[True, False, True], [False, False, True]])
+    ones = Hand(torch.ones(2, 3, 3, 3), torch.ones(2, 3))
+    found = where(mask, ones, ones.map(torch.zeros_like))
+    assert torch.equal(found.width, mask.float())
+    assert torch.equal(found.turn, mask.float()[..., None, None].expand(2, 3, 3, 3))
 
 
 def test_moving_to_a_device_moves_every_tensor(outer):

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.bundle import where
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.terms import HandState, Planes
 from geneoh.geometry.changing_surface import ChangingSurface
@@ -39,11 +40,7 @@ class Nearby:
             near = least <= self.reach
             # the surface skips points that are not finite
             new = self.surface.query(verts.masked_fill(~near[..., None], torch.nan))
-            found = SurfaceQuery(
-                torch.where(near, new.distance, found.distance),
-                torch.where(near[..., None], new.closest, found.closest),
-                torch.where(near[..., None], new.normal, found.normal),
-            )
+            found = where(near, new, found)
             verts = torch.where(near[..., None], verts, before)
         self._known = verts, found
         return found

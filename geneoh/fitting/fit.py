@@ -4,13 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import isfinite
-from typing import TypeVar
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.bundle import concatenated
+from geneoh.bundle import concatenated, where
 from geneoh.fitting.contact_planes import Nearby, contact_planes, planes_apart
 from geneoh.fitting.fit_config import KEYPOINTS_ALONE, FitConfig
 from geneoh.fitting.solve import solve_coupled_frames
@@ -217,16 +216,4 @@ def _step(
     after = there.energy + steadiness(moved, weight)[0]
     better = (after if by_frame else after.sum(-1, keepdim=True)) < before
     damping = torch.where(better, damping / 4, damping * 6).clamp(1e-6, 1e3)
-    return _pick(better, moved, state), _pick(better, there, here), damping
-
-
-Found = TypeVar("Found", HandState, Equations)
-
-
-def _pick(better: Bool[Tensor, "S D"], new: Found, old: Found) -> Found:
-    """`new` for the frames or samples that got better, `old` for the others."""
-
-    def picked(new: Tensor, old: Tensor) -> Tensor:
-        return torch.where(better.view(*better.shape, *[1] * (new.ndim - 2)), new, old)
-
-    return type(new)(*map(picked, vars(new).values(), vars(old).values()))
+    return where(better, moved, state), where(better, there, here), damping

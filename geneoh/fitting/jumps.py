@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, median_filter
 from torch import Tensor
 
+from geneoh.bundle import where
 from geneoh.fitting.fit import fit_hand
 from geneoh.fitting.fit_config import FitConfig
 from geneoh.fitting.terms import HandState
@@ -55,8 +56,4 @@ def without_jumps(
     aim = target + torch.lerp(away, calm[None], changed)
     alone = replace(config, contact_rounds=0, iterations=REFIT_STEPS)
     moved = fit_hand(aim, torch.ones_like(aim[..., 0]), shaped, state, config=alone)
-    there = changed > 0
-    return HandState(
-        torch.where(there[..., None], moved.rotations, state.rotations),
-        torch.where(there[..., 0], moved.wrist, state.wrist),
-    )
+    return where(changed[None, :, 0, 0] > 0, moved, state)

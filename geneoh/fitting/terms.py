@@ -59,7 +59,7 @@ class HandState(Bundle):
 
 
 @dataclass(frozen=True)
-class Equations:
+class Equations(Bundle):
     """Normal equations of squared residuals: energy, half gradient and Gauss-Newton matrix."""
 
     energy: Float[Tensor, "S T"]

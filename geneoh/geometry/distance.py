@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.coarse_distance import CELLS, CoarseDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
@@ -41,7 +42,7 @@ def pairwise_distances(
 
 
 @dataclass(frozen=True)
-class SurfaceQuery:
+class SurfaceQuery(Bundle):
     """Signed distance, closest surface point and normal of query points, in their frame."""
 
     distance: Float[Tensor, "*B P"]  # metres, negative inside

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.bundle import Bundle
+from geneoh.bundle import Bundle, where
 from geneoh.geometry.mirror import mirror_axes, mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.geometry.rigid import Rigid, joint_poses, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -119,9 +119,4 @@ class Actions(Bundle):
             axis=mirror_axes(self.axis, self.slides),
             pivot=mirror_points(self.pivot),
         )
-
-        def selected(own: Tensor, other: Tensor) -> Tensor:
-            return torch.where(flip.view(-1, *[1] * (own.ndim - 1)), other, own)
-
-        pairs = zip(vars(self).values(), vars(image).values(), strict=True)
-        return Actions(*(selected(own, other) for own, other in pairs))
+        return where(flip, image, self)
