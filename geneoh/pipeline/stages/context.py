@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from geneoh.bundle import FRAMES
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.drifting import drift
 from geneoh.denoisers.holding import HeldPlace, holding
@@ -207,12 +208,8 @@ class StageContext(ObjectSurface):
 
     def hand_windows(self, hand: HandParameters) -> HandParameters:
         """The windows of one sample of a hand."""
-        return HandParameters(
-            self.windows(hand.wrist),
-            self.windows(hand.turn),
-            self.windows(hand.fingers),
-            hand.offsets.expand(len(self.starts), 20, 3),
-        )
+        offsets = hand.offsets.expand(len(self.starts), 20, 3)
+        return replace(hand.map(self.windows, FRAMES), offsets=offsets)
 
     def nearest_surface(
         self, joints: Float[Tensor, "T 21 3"]
