@@ -131,7 +131,7 @@ def measure_posed(
     joints: Float[Tensor, "T 21 3"],
     surface: MovingSurface,
     fps: float,
-    valid: Bool[Tensor, " T"] | None = None,
+    valid: Bool[Tensor, " T"],
     *,
     faces: Int[Tensor, "F 3"],
     groups: Sequence[Int[Tensor, " _"]] = (),
@@ -143,8 +143,6 @@ def measure_posed(
     triangles. The report covers the `valid` frames. The signed distance of each of the `groups` is
     the least of its vertices, metres, negative inside, exact up to `within`.
     """
-    if valid is None:
-        valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)
     edges, measured, moves, through, apart = edges_of(faces), [], [], [], []
     for block in blocks(len(joints)):
         wide, inner = widened(block, 1, len(joints))  # differences reach one frame to either side

@@ -46,7 +46,7 @@ def with_kept_contact(
     hand: HandParameters,
     before: HandParameters,
     surface: ObjectSurface,
-    config: KeptContactConfig | None = None,
+    config: KeptContactConfig,
     chosen: Bool[Tensor, " B"] | None = None,
 ) -> HandParameters:
     """Hands corrected so that touching keypoints keep the height over the surface of `before`.
@@ -54,7 +54,6 @@ def with_kept_contact(
     Other keypoints are only pushed away where they come nearer than `near` and than before. World
     frame in and out, smooth over time. With `chosen`, only the hands of these windows change.
     """
-    config = config or KeptContactConfig()
     wanted = _heights(before.joints, surface)[0]
     touching = torch.exp(-0.5 * ((wanted - config.near).clamp(min=0) / config.fade) ** 2)
     least = wanted.clamp(max=config.near)

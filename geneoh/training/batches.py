@@ -55,7 +55,7 @@ class Batch(Bundle):
 def draw_batch(
     data: Streamed[Interactions],
     size: int,
-    config: TrainConfig | None = None,
+    config: TrainConfig,
     *,
     generator: torch.Generator,
     motion_denoiser: MotionDenoiser | None = None,
@@ -67,7 +67,6 @@ def draw_batch(
     Random numbers are drawn on the CPU, the same for every device; nearest surface points are
     computed on the device. With `motion_denoiser`, noisy hands are first denoised by it.
     """
-    config = config or TrainConfig()
     draws = Draws(size if part is None else part.count, generator, part)
     windows = draw_windows(data, config.windows, draws)
     clean = augmented(windows.hand, draws, config.augmentation)

@@ -130,11 +130,8 @@ class Corruption(Bundle):
         )
 
 
-def draw_corruption(
-    frames: int, draws: Draws, config: CorruptionConfig | None = None
-) -> Corruption:
+def draw_corruption(frames: int, draws: Draws, config: CorruptionConfig) -> Corruption:
     """Draw the corruption of B windows of T frames."""
-    config = config or CorruptionConfig()
     apart = draws.chance(config.apart_share, 1)
     noise, size = _unit_noise(frames, config, apart, draws), _sizes(config, apart, draws)
     noise, exact = noise * size[:, None], (size == 0).all(1, keepdim=True)

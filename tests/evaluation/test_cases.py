@@ -85,7 +85,7 @@ def test_own_clips_hold_their_object_without_sinking_in():
     model, surface = load_hand("right"), motion.surface()
     verts = model.shaped(hand.betas).posed(hand.pose, hand.wrist).verts
     report, _ = measure_posed(
-        verts.__getitem__, hand.joints, surface, sequence.fps, faces=model.faces
+        verts.__getitem__, hand.joints, surface, sequence.fps, hand.valid, faces=model.faces
     )
     # the engine checks spheres along the bones, which leave palm and fingertips thin: the skin of
     # one grasp in ten sinks in by more than 6.5 mm

@@ -1,6 +1,5 @@
 import math
 from dataclasses import replace
-from functools import partial
 
 import pytest
 import torch
@@ -22,7 +21,12 @@ CUBE = SurfaceDistance(from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1))))
 FRAMES = 6
 STILL = MovingSurface((CUBE,), torch.eye(3).expand(FRAMES, 1, 3, 3), torch.zeros(FRAMES, 1, 3))
 
-measured = partial(measure_posed, faces=torch.tensor([[0, 1, 2]]))
+
+def measured(verts_of, joints, surface, fps, valid=None, **how):
+    """`measure_posed` of a triangle, in all frames by default."""
+    valid = torch.ones(len(joints), dtype=torch.bool) if valid is None else valid
+    how = {"faces": torch.tensor([[0, 1, 2]]), **how}
+    return measure_posed(verts_of, joints, surface, fps, valid, **how)
 
 
 def hand(height: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -154,7 +158,7 @@ def test_a_hand_in_a_plate_is_told_where_depth_is_half_a_millimetre():
     away = torch.zeros(FRAMES, 1, 3)
     away[:2, :, 2] = 0.04
     verts, joints = ball.verts + away, torch.zeros(FRAMES, 21, 3)
-    found, _ = measure_posed(
+    found, _ = measured(
         verts.__getitem__, joints, replace(STILL, fields=(plate,)), fps=30.0, faces=ball.faces
     )
     assert found.penetration_max_mm < 0.51

@@ -22,12 +22,12 @@ from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
 from geneoh.training.windows import WindowConfig, filled
 
-WINDOW = WindowConfig().frames
+WINDOW, CONFIG = WindowConfig().frames, TrainConfig()
 
 
-def drawn(interactions: Interactions, *arguments, **how) -> Batch:
+def drawn(interactions: Interactions, size: int, config: TrainConfig = CONFIG, **how) -> Batch:
     """A batch of one shard."""
-    return draw_batch(Streamed.of([interactions]), *arguments, **how)
+    return draw_batch(Streamed.of([interactions]), size, config, **how)
 
 
 def tensors(batch: Batch) -> list[torch.Tensor]:
@@ -160,7 +160,7 @@ def test_one_batch_in_five_has_short_windows(interactions):
 
 
 def test_clips_shorter_than_a_window_are_taken_whole_or_shorter(clips):
-    frames = {draw_batch(clips, 1, generator=seeded(s)).clean.shape[1] for s in range(12)}
+    frames = {draw_batch(clips, 1, CONFIG, generator=seeded(s)).clean.shape[1] for s in range(12)}
     assert max(frames) == 14
     assert min(frames) >= 2
 

@@ -230,7 +230,7 @@ def test_the_latent_stage_learns_its_autoencoder_first(tiny):
 
 def test_the_latent_is_white_once_its_statistics_are_set(clips, tiny):
     model = build_model("latent", tiny)
-    batch = draw_batch(clips, 2, generator=seeded())
+    batch = draw_batch(clips, 2, TrainConfig(), generator=seeded())
     for _ in range(2):  # what was set before does not matter
         set_latent_statistics(model, batch)
         latent = temporal_latent(model, batch, batch.clean)

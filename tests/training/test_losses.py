@@ -7,6 +7,7 @@ from draws import seeded
 from geneoh.baselines.networks import RegressionDenoiser
 from geneoh.synthesis.draws import Draws
 from geneoh.training.batches import draw_batch
+from geneoh.training.config import TrainConfig
 from geneoh.training.losses import (
     draw_sigma,
     latent_loss,
@@ -35,7 +36,7 @@ STAGES = ("motion", "spatial", "temporal", "trajectory", "relations", "latent")
 @pytest.fixture(scope="module")
 def batch(clips, tiny):
     before = build_model("motion", tiny)
-    return draw_batch(clips, 2, generator=seeded(1), motion_denoiser=before)
+    return draw_batch(clips, 2, TrainConfig(), generator=seeded(1), motion_denoiser=before)
 
 
 @pytest.mark.parametrize(("stage", "loss"), LOSSES)

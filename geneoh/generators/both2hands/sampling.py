@@ -123,7 +123,7 @@ def sample_hands(
     motion: BodyMotion,
     skeleton: Skeleton,
     sentences: Sequence[str],
-    config: Both2HandsSampling | None = None,
+    config: Both2HandsSampling,
     *,
     generator: torch.Generator,
     on_step: OnStep | None = None,
@@ -146,7 +146,6 @@ def sample_hands(
     scene = PlacedBodies.of(skeletons.map(windows.repeat), moved.map(windows.cut))
     text = windows.repeat(networks.speech(sentences).to(device))
     conditions = body.encode(scene.body), networks.text.encode(text)
-    config = config or Both2HandsSampling()
     process = Process(networks, windows, scene, conditions, config, generator, on_step)
     features = body.scale.denormalise(finite_output(process.hands()))
     if body.config.frame == "wrist":
