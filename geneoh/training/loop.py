@@ -164,9 +164,7 @@ def restore(state: TrainState, path: Path, task: Task, record: Mapping[str, Any]
         )
 
 
-def first_state(
-    task: Task, device: torch.device, start: Mapping[str, Tensor] | None = None
-) -> TrainState:
+def first_state(task: Task, device: torch.device, start: Mapping[str, Tensor] | None) -> TrainState:
     """The state of a run before its first step."""
     if task.config.start_share and start is None:
         raise ConfigError(

@@ -113,12 +113,7 @@ class Scans(MeshFolder):
         return torch.where(outside, length, distance), normal
 
     def draw_points(
-        self,
-        which: Int[Tensor, " B"],
-        count: int,
-        *,
-        generator: torch.Generator,
-        to_grasp: bool = False,
+        self, which: Int[Tensor, " B"], count: int, *, generator: torch.Generator, to_grasp: bool
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Surface points of one object each, spread evenly, with their outward normals.
 
