@@ -45,7 +45,7 @@ def sample_actions(
     sentences: Sequence[str],
     hands: Sequence[HandsName],
     lengths: Int[Tensor, " B"],
-    config: Text2HoiSampling,
+    config: Text2HoiSampling | None = None,
     *,
     generator: torch.Generator,
     contact: Float[Tensor, "B P"] | None = None,
@@ -65,7 +65,7 @@ def sample_actions(
     Raises:
         CheckpointError: the networks return NaN, as damaged weights do.
     """
-    device = objects.points.device
+    config, device = config or Text2HoiSampling(), objects.points.device
     clips = torch.arange(len(sentences), device=device).repeat_interleave(config.draws)
     objects, lengths = objects.take(clips, "B"), lengths.to(device)[clips]
     sentences = [sentences[int(clip)] for clip in clips]
