@@ -158,8 +158,8 @@ class _Frames:
 
 
 def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
-    """The frames of a dict of lists over time, with a list per side, of all points, or per point;
-    empty if there are no such lists, or their lengths differ."""
+    """The frames of a dict of lists over time, with a list per side, of all points, or per point by
+    name; empty if there are no such lists, or their lengths differ. Numbers name frames."""
     fields = value if isinstance(value, dict) else {}
     lists = {name: each for name, each in fields.items() if isinstance(each, list) and each}
     columns = {
@@ -173,7 +173,8 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
         columns = {
             name: each
             for name, each in lists.items()
-            if all(point is None or _place_of(point) is not None for point in each)
+            if not mediapipe.NUMBERED.fullmatch(name)
+            and all(point is None or _place_of(point) is not None for point in each)
         }
         columns = columns if len(columns) >= FEWEST_KEYPOINTS else {}
     lengths = {len(each) for each in columns.values()}

@@ -120,6 +120,14 @@ def test_a_hand_is_read_in_every_form(form, read):
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
+@pytest.mark.parametrize("frames", [21, 30])
+@pytest.mark.parametrize("name", ["{}", "img_{:05d}.jpg"])
+def test_numbers_are_those_of_frames_and_not_of_points(frames, name, read):
+    points = POINTS[0] + np.linspace(0, 0.1, frames)[:, None, None]
+    (hand,) = read({name.format(k): p for k, p in enumerate(points.tolist())}, side="right").hands
+    np.testing.assert_allclose(hand.joints, points, atol=1e-6)
+
+
 def test_points_of_tensorflow_are_about_the_centre_of_the_hand_and_others_are_not(read):
     told = "about the centre of each hand"
     assert told in read(FORMS["tfjs"]).source
