@@ -176,19 +176,26 @@ def _hands_of(
     parts: ClipParts, convention: base.ManoConvention, options: ReaderOptions, where: str
 ) -> tuple[list[HandTrack], list[str]]:
     """The hands that were observed in some frame, `InputError` without any, and notes on what was
-    assumed."""
-    hands, notes = [], []
+    assumed, and on hands that were left out."""
+    hands, notes, unseen = [], [], []
     for hand in parts.hands:
         about = ()
         if isinstance(hand, base.ManoParameters):
             hand, about = builders.mano_track(hand, convention, options, where)
-        if bool(hand.valid.any()):
+        if is_placed(hand):
             hands.append(hand)
             notes += about
+        else:
+            unseen.append(f"the {hand.side} hand is in no frame and was left out")
     if not hands:
         words = "expected a hand in some frame, got none; nothing to clean"
         raise InputError(f"{parts.source}: {words}")
-    return hands, notes
+    return hands, [*notes, *unseen]
+
+
+def is_placed(hand: HandTrack) -> bool:
+    """Whether some frame holds the hand, and not only zeros for its keypoints."""
+    return bool(hand.valid.any()) and (hand.joints is None or bool(hand.joints.nan_to_num().any()))
 
 
 def frames_to_keep(parts: ClipParts) -> Array:

@@ -128,6 +128,13 @@ def test_numbers_are_those_of_frames_and_not_of_points(frames, name, read):
     np.testing.assert_allclose(hand.joints, points, atol=1e-6)
 
 
+def test_a_hand_of_zeros_in_every_frame_is_left_out(read):
+    zeros = np.zeros((21, 3)).tolist()
+    sequence = read([{"right": p, "left": zeros} for p in POINTS.tolist()])
+    assert [hand.side for hand in sequence.hands] == ["right"]
+    assert "the left hand is in no frame and was left out" in sequence.source
+
+
 def test_points_of_tensorflow_are_about_the_centre_of_the_hand_and_others_are_not(read):
     told = "about the centre of each hand"
     assert told in read(FORMS["tfjs"]).source
