@@ -85,11 +85,21 @@ class Landmarks:
 def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
     """The hands in the value of a JSON file; None if it is no result of MediaPipe."""
     frames = frames_in(value)
+    results = [frame for frame in frames if isinstance(frame, dict)]
     names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
-    if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
+    if any(map(is_one_hand, results)) or not any(names & frame.keys() for frame in results):
         return None
     tracks, notes = tracks_in(frames, where, side, partial(hands_in, side=side))
     return Landmarks(tracks, (*NOTES, *notes), stamps_in(value, frames, where))
+
+
+def is_one_hand(frame: dict[str, Any]) -> bool:
+    """Whether a frame has the points of a hand where a result of MediaPipe lists its hands."""
+    listed = (frame.get(name) for name in (*WORLD, *IMAGE))
+    first = [each[0] if isinstance(each, list) and each else each for each in listed]
+    points = [each for each in first if isinstance(each, dict) and "landmark" not in each]
+    numbers = [each[0] if isinstance(each, list) and each else each for each in first]
+    return bool(points) or any(isinstance(each, int | float) for each in numbers)
 
 
 def frames_in(value: Any) -> list[Any]:

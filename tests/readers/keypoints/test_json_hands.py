@@ -88,6 +88,14 @@ FORMS = {
         }
         for k, points in enumerate(POINTS)
     ],
+    "landmarks of one hand": [
+        {"frame": k, "hand": "right", "landmarks": [xyz(point) for point in points]}
+        for k, points in enumerate(POINTS)
+    ],
+    "world landmarks of one hand": [
+        {"handedness": "Right", "landmarks": [[0.5, 0.5, 0.1]] * 21, "world_landmarks": points}
+        for points in POINTS.tolist()
+    ],
     "numbers": [{"side": "right", "joints": points.ravel().tolist()} for points in POINTS],
     "by images": {
         f"img_{k:05d}.jpg": {"right": points} for k, points in enumerate(POINTS.tolist())
