@@ -28,9 +28,10 @@ def _plain(name: str) -> str:
     return name.lower().replace("_", "")
 
 
-CENTRED = (*map(_plain, mediapipe.WORLD), "keypoints3d")
+CENTRED = (*mediapipe.WORLD, "keypoints3D")
 """Names of points relative to the hand's centre: MediaPipe's, and TensorFlow.js's for the same."""
-POINTS = (*CENTRED, "joints", "landmarks", "points", "positions", "bones", "keypoints")
+POINTS = (*map(_plain, CENTRED), "joints", "joints3d", "landmarks", "points", "positions", "bones")
+POINTS += ("keypoints",)
 SIDES_OF_HANDS = ("handedness", "handednesses", "side", "hand", "chirality", "handside", "label")
 SIDES_OF_HANDS += ("handtype", "type")
 SCORES = ("score", "confidence")
@@ -133,7 +134,7 @@ class _Frames:
         elif name := next((name for name in POINTS if fields.get(name)), None):
             if _are_flat(fields[name]):
                 raise mediapipe.image_landmarks(where)
-            self.centred |= name in CENTRED
+            self.centred |= any(each in value for each in CENTRED)
             yield fields[name], side
 
     def _points(self, value: Any, where: str) -> Array | None:

@@ -147,6 +147,9 @@ def test_points_of_tensorflow_are_about_the_centre_of_the_hand_and_others_are_no
     told = "about the centre of each hand"
     assert told in read(FORMS["tfjs"]).source
     assert told not in read(FORMS["by sides"]).source
+    for name in ("keypoints_3d", "joints_3d"):
+        own = [{"hand": "right", name: points} for points in POINTS.tolist()]
+        assert told not in read(own).source
 
 
 def test_times_scores_and_frames_without_a_hand_are_kept(read):
