@@ -107,28 +107,30 @@ def frames_in(value: Any) -> list[Any]:
 
     Times are whole milliseconds or smaller units. A result may be nested in "result".
     """
-    names = value if isinstance(value, dict) else ()
-    named = {str(name): NUMBERED.fullmatch(str(name)) for name in names}
-    if named and all(named.values()):
-        numbers = (
-            (int(found[1] or found[2]), value[name] or {}) for name, found in named.items() if found
-        )
-        results = sorted(numbers, key=itemgetter(0))
+    fields = value if isinstance(value, dict) else {}
+    inner = (fields[name] for name in LISTS if name in fields)
+    value = next((each for each in inner if isinstance(each, list) or numbers_in(each)), value)
+    if numbers := numbers_in(value):
+        results = sorted(((n, value[name] or {}) for name, n in numbers.items()), key=itemgetter(0))
         steps = [after - before for (before, _), (after, _) in pairwise(results)]
         name = "timestamp" if steps and median(steps) > LARGEST_FRAME_STEP else "frame"
         value = [
             {name: n, **(result if isinstance(result, dict) else {"hands": result})}
             for n, result in results
         ]
-    elif isinstance(value, dict):
-        lists = (value[name] for name in LISTS if isinstance(value.get(name), list))
-        value = next(lists, [value])
     return [
         {**frame, **frame["result"]}
         if isinstance(frame, dict) and isinstance(frame.get("result"), dict)
         else frame
-        for frame in (value if isinstance(value, list) else [])
+        for frame in (value if isinstance(value, list) else [value])
     ]
+
+
+def numbers_in(value: Any) -> dict[str, int]:
+    """The number in each key of a dict of frames; empty for anything else."""
+    found = {name: NUMBERED.fullmatch(name) for name in value} if isinstance(value, dict) else {}
+    numbers = {name: int(each[1] or each[2]) for name, each in found.items() if each}
+    return numbers if len(numbers) == len(found) else {}
 
 
 def stamps_in(value: Any, frames: list[Any], where: str) -> Record:

@@ -100,6 +100,10 @@ FORMS = {
     "by images": {
         f"img_{k:05d}.jpg": {"right": points} for k, points in enumerate(POINTS.tolist())
     },
+    "frames by numbers": {
+        "side": "right",
+        "frames": {f"{k:06d}": points for k, points in enumerate(POINTS.tolist())},
+    },
     "openpose": [openpose(points) for points in POINTS],
     "mmpose": {
         "instance_info": [
