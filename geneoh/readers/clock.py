@@ -4,6 +4,7 @@ Dropped or unevenly spaced frames must not be taken for evenly spaced ones: a ha
 jump, or to move faster than it does.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from torch import Tensor
 
 from geneoh.bundle import FRAMES
 from geneoh.errors import InputError
+from geneoh.readers.column_names import words_of
 from geneoh.readers.records import Array, Notes, Record
 from geneoh.sequence.resample import MOST_FRAMES, at_times
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -30,6 +32,8 @@ TIME_NAMES = dict.fromkeys(STAMPS) | {
 }
 """Names of timestamp fields, each with its unit in seconds, or None where the name has no unit."""
 CLOCK_NAMES = (*TIME_NAMES, *FRAME_NAMES)
+RATE_NAMES = ("fps", "frame_rate", "framerate", "mocap_frame_rate", "mocap_framerate")
+"""Names of a frame rate, in the order of priority; case does not matter."""
 ASSUMED_FPS = 30.0
 """Frame rate that is assumed, with a note, for a file without one: the most common rate."""
 SLOWEST, FASTEST = 5.0, 240.0
@@ -143,7 +147,8 @@ def timing_of(
 ) -> tuple[float, Clock | None, Notes]:
     """Frame rate by file or caller, the clock if the file has one, and notes for the user."""
     record = replace(record, values=dict(record.values) | dates_in(record))
-    stored = record.optional_number("fps", "save it as fps=30.0")
+    name = next(iter(rate_fields(record.values)), "fps")
+    stored = record.optional_number(name, "save it as fps=30.0")
     known = given if stored is None else stored
     clock = clock_of(record, frames, known)
     about = unread_times(record, frames) if clock is None else clock.notes
@@ -153,6 +158,12 @@ def timing_of(
     if clock is not None:
         rate = rate / clock.stride if clock.fps is None else clock.fps
     return rate, clock, (*about, *notes)
+
+
+def rate_fields(names: Iterable[Any]) -> list[str]:
+    """The names that are those of a frame rate, by priority."""
+    found = {"_".join(words_of(name)): name for name in map(str, names)}
+    return [found[name] for name in RATE_NAMES if name in found]
 
 
 def dates_in(record: Record) -> dict[str, Array]:

@@ -71,6 +71,18 @@ def test_frames_that_are_left_out_count_as_not_observed(name, values, fps, tmp_p
     assert f"4 of 9 frames are left out by '{name}'" in sequence.source
 
 
+@pytest.mark.parametrize("name", ["FPS", "frame_rate", "frameRate", "framerate"])
+@pytest.mark.parametrize("ending", ["npz", "json"])
+def test_a_rate_is_read_by_each_of_its_names(name, ending, tmp_path):
+    joints = joints_at(KEPT / 24)
+    np.savez(tmp_path / "hand.npz", side="right", joints=joints, **{name: 24})
+    value = {"side": "right", "joints": joints.tolist(), name: 24}
+    (tmp_path / "hand.json").write_text(json.dumps(value))
+    sequence = geneoh.load(tmp_path / f"hand.{ending}")
+    assert sequence.fps == 24
+    assert "assumed" not in sequence.source
+
+
 def test_uneven_times_are_read_at_even_ones(tmp_path):
     times = np.arange(60) / 30
     times[1:-1] += np.random.default_rng(0).uniform(-0.01, 0.01, 58)

@@ -24,13 +24,12 @@ from geneoh.files.values import read_values
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.bodies.base import BodyRecording, checked_body, upright_body
 from geneoh.readers.bodies.model import RestBody, read_model
-from geneoh.readers.clock import rate_of
+from geneoh.readers.clock import rate_fields, rate_of
 from geneoh.readers.npz.layouts import quoted
 from geneoh.readers.records import Array, Notes, Record, as_record, float32
 from geneoh.readers.transforms import axis_angles, read_turns
 from geneoh.sequence.validation import LARGEST_ANGLE
 
-RATES = ("fps", "mocap_frame_rate", "mocap_framerate")
 OFFSETS = "body_offsets"
 """In our own files: the (52, 3) rest offsets of the skeleton, the first that of the pelvis."""
 UP = "body_up"
@@ -98,7 +97,7 @@ def _read_clip(
     record.refuse_lengths(layout.root, layout.body, layout.translation)
     betas = betas_of(record)
     rest = rest_body(record, betas, model)
-    stored = [record.number(name) for name in RATES if name in record]
+    stored = [record.number(name) for name in rate_fields(record.values)]
     rate, notes = rate_of(stored[0] if stored else layout.fps, fps, record.where)
     motion = BodyMotion(float32(transl) + rest.rest_root, turns)
     stated = record.optional_text(UP)

@@ -19,7 +19,7 @@ import numpy as np
 from geneoh.choices import OTHER_SIDE, SIDES, Side, Unit
 from geneoh.errors import InputError, numbered
 from geneoh.readers.checks.hands import of_picture
-from geneoh.readers.clock import CLOCK_NAMES
+from geneoh.readers.clock import CLOCK_NAMES, rate_fields
 from geneoh.readers.column_names import side_in, words_of
 from geneoh.readers.records import Array, Notes, Record, as_record
 
@@ -137,7 +137,9 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     """The fields of time in a JSON value, beside its results or in each of them."""
     beside = value if isinstance(value, dict) else {}
     listed = next((name for name in LISTS if name in beside), None)
-    stamps = {n: beside[n] for n in ("fps", *CLOCK_NAMES) if n in beside and n != listed}
+    stamps = {
+        n: beside[n] for n in (*rate_fields(beside), *CLOCK_NAMES) if n in beside and n != listed
+    }
     dicts = [frame if isinstance(frame, dict) else {} for frame in frames]
     named = [{"_".join(words_of(str(n))): each for n, each in frame.items()} for frame in dicts]
     for name in CLOCK_NAMES:
