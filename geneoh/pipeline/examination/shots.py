@@ -10,7 +10,7 @@ import torch
 
 from geneoh.bundle import concatenated
 from geneoh.errors import shortened
-from geneoh.metrics.report import over_shots
+from geneoh.metrics.report import over_shots, through_walls
 from geneoh.objects.examination import ObjectExamination
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.gaps import fill_object
@@ -104,21 +104,28 @@ def with_masks(tracks: Iterable[ObjectTrack]) -> list[ObjectTrack]:
 
 
 def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
-    """Concatenate one hand over all shots, with the kept sample of each shot first."""
+    """Concatenate one hand over all shots, with the kept sample of each shot first; the share of
+    frames in which it goes through a wall is told of all shots at once."""
     parts = [replace(part, samples=part.samples.roll(-max(part.chosen, 0), 0)) for part in parts]
     seen = [int((~part.filled).sum()) for part in parts]
     moved = sum(count * part.moved for count, part in zip(seen, parts, strict=True)) / sum(seen)
+    notes = [
+        tuple(note for note in part.notes if note not in through_walls(part.before, part.after))
+        for part in parts
+    ]
+    before = over_shots([part.before for part in parts])
+    after = over_shots([part.after for part in parts])
     return replace(
         concatenated(parts),
         samples=concatenated(parts, "N").samples,
         chosen=min(parts[0].chosen, 0),
-        before=over_shots([part.before for part in parts]),
-        after=over_shots([part.after for part in parts]),
+        before=before,
+        after=after,
         moved=moved,
         moved_most=max(part.moved_most for part in parts),
         windows=sum(part.windows for part in parts),
         seconds=dict(sum((Counter(part.seconds) for part in parts), Counter())),
-        notes=_said([part.notes for part in parts], shots),
+        notes=(*_said(notes, shots), *through_walls(before, after)),
     )
 
 

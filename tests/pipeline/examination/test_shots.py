@@ -68,6 +68,13 @@ def test_all_shots_are_in_the_result(video, result):
     assert (alone - result.sequence.hands[0].joints).norm(dim=-1).mean() < 0.003
 
 
+def test_walls_that_a_hand_goes_through_are_told_of_all_shots_at_once(result):
+    (words,) = (note for note in result.hands["left"].notes if "through a thin wall" in note)
+    share = result.hands["left"].after.through_fraction
+    assert words.startswith("the hand goes")
+    assert f"in {100 * share:.1f}% of" in words
+
+
 @pytest.mark.parametrize("slow", [slice(2, CUT - 2), slice(CUT + 2, FRAMES - 2)])
 def test_a_shot_alone_may_have_poses_of_a_slower_sensor(video, slow):
     (hand,), motion = video.hands, video.object
