@@ -22,7 +22,14 @@ from geneoh.pipeline.streaming.first_look import SECONDS
 from geneoh.pipeline.streaming.stream import CleanFrame, Stream
 from geneoh.readers.clock import ASSUMED_FPS, CLOCK_NAMES, clock_of
 from geneoh.readers.npz.files import hand_arrays
-from geneoh.readers.npz.layouts import CAMERA_POSES, HAND_FIELDS, own_names
+from geneoh.readers.npz.layouts import (
+    CAMERA_FIELDS,
+    CAMERA_POSES,
+    FORMAT,
+    HAND_FIELDS,
+    misspelt_fields,
+    own_names,
+)
 from geneoh.readers.records import Record
 
 from . import options
@@ -151,8 +158,9 @@ KEPT_FIELDS = (*POSE_FIELDS, CAMERA_POSES)
 def watched(
     frames: Iterator[tuple[str, Fields]], side: Side | None, fps: float
 ) -> Iterator[tuple[str, Fields]]:
-    """Yield the same frames, and log warnings: for a hand that the first frame does not name, and
-    for times or frame numbers of the first seconds that contradict a constant frame rate `fps`.
+    """Yield the same frames, and log warnings: for fields of the first frame that look misspelt,
+    for a hand that it does not name, and for times or frame numbers of the first seconds that
+    contradict a constant frame rate `fps`.
     """
     expected: set[Side] = set() if side is None else set(SIDES)
     first: list[Fields] = []
@@ -160,6 +168,8 @@ def watched(
     for number, (where, fields) in enumerate(frames):
         if number == 0:
             expected |= {each for each in SIDES if fields.keys() & set(own_names(each).values())}
+            for words in unread(fields, where):
+                LOG.warning("%s: %s", where, words)
         for late in SIDES:
             if late in expected or not hand_in(fields, late):
                 continue
@@ -177,6 +187,13 @@ def watched(
         yield where, fields
     if 0 < len(first) < wanted:
         warn_of_times(first, fps)
+
+
+def unread(fields: Fields, where: str) -> Iterator[str]:
+    """Warnings for fields of a frame that are not read although they are meant to be."""
+    yield from misspelt_fields(Record(where, fields), FORMAT)
+    if CAMERA_FIELDS[1] in fields:
+        yield "'camera_position' is not read in a stream; give the direction camera_ray"
 
 
 def warn_of_times(frames: list[Fields], fps: float) -> None:
@@ -217,7 +234,8 @@ def hand_in(fields: Fields, side: Side) -> Fields | None:
     """The fields of a hand that are not null, without the side in their names; None without any."""
     names = {name: fields.get(f"{side}_{name}") for name in HAND_FIELDS if name != "betas"}
     found = {name: value for name, value in names.items() if not is_null(value)}
-    return found or None
+    ray = fields.get(CAMERA_FIELDS[0])
+    return {**({} if is_null(ray) else {"camera_ray": ray}), **found} if found else None
 
 
 def is_null(value: Any) -> bool:

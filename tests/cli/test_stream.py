@@ -279,6 +279,27 @@ def test_a_hand_that_the_first_line_does_not_name_is_told_once(stream, lines, ca
     assert said.startswith("standard input, line 4: the left hand is left out")
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("object_pose", "'object_pose' is not read; is it 'obj_pose'?"),
+        ("right_confidense", "'right_confidense' is not read; is it 'right_confidence'?"),
+        ("camera_position", "'camera_position' is not read in a stream"),
+    ],
+)
+def test_fields_that_are_not_read_are_told(stream, lines, caplog, name, words):
+    rows = [{"right_joints": line["right_joints"], name: [0.0, 0.0, 0.0]} for line in lines]
+    stream(rows)
+    assert words in caplog.text
+
+
+def test_the_ray_of_the_camera_is_that_of_each_hand():
+    streaming = import_module("geneoh_cli.streaming")
+    fields = {"right_joints": [[0.0] * 3] * 21, "left_joints": None, "camera_ray": [0, 0, 1]}
+    assert streaming.hand_in(fields, "right")["camera_ray"] == [0, 0, 1]
+    assert streaming.hand_in(fields, "left") is None
+
+
 def test_keypoints_in_another_order_end_the_stream_at_their_line(stream, lines):
     mano = np.argsort(ORDERS["mano"].entries)
     for line in lines:
