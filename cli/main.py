@@ -50,6 +50,12 @@ def no_room(error: OSError) -> click.exceptions.Exit:
     return failed(f"{error.filename or 'standard output'}: {error.strerror}; make room", 2)
 
 
+def is_of_memory(error: Exception) -> bool:
+    """Whether memory ran out, of the machine or of a GPU, as numpy or torch say it."""
+    kinds = {kind.__name__ for kind in type(error).__mro__} & {"MemoryError", "OutOfMemoryError"}
+    return bool(kinds) or "can't allocate memory" in str(error)
+
+
 def refuse_repeated(ctx: click.Context, args: list[str]) -> None:
     """Refuse an option with one value that is given several times: all but one would be ignored."""
     _, _, given = ctx.command.make_parser(ctx).parse_args(list(args))
@@ -130,6 +136,9 @@ class LazyGroup(click.Group):
                 raise failed(f"{error.filename}: {error.strerror}; check the path", 2) from None
             if isinstance(error, OSError) and error.errno == errno.ENOSPC:
                 raise no_room(error) from None
+            if is_of_memory(error):
+                words = "fewer samples, a smaller batch, a shorter clip or --device cpu need less"
+                raise failed(f"there is not enough memory; {words}", 2) from None
             reason = f"{type(error).__name__}: {error}"
             hint = "run `geneoh --debug ...` for the traceback and report it"
             raise failed(f"unexpected {reason}; {hint}", 1) from None

@@ -5,6 +5,7 @@ import sys
 
 import click
 import pytest
+import torch
 
 from geneoh.errors import CheckpointError, InputError, MissingAssetError
 
@@ -50,6 +51,19 @@ def test_a_programming_error_says_how_to_report_it(geneoh, failing):
     assert (
         "ZeroDivisionError: division by zero; run `geneoh --debug" in geneoh("info", code=1).stderr
     )
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError("Unable to allocate 9 TiB"),
+        torch.OutOfMemoryError("CUDA out of memory"),
+        RuntimeError("[enforce fail at alloc_cpu.cpp:127] can't allocate memory"),
+    ],
+)
+def test_a_lack_of_memory_is_no_programming_error(geneoh, failing, error):
+    failing(error)
+    assert "Error: there is not enough memory; " in geneoh("info", code=2).stderr
 
 
 def test_letters_that_the_output_cannot_encode_are_replaced(command, monkeypatch):
