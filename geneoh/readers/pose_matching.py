@@ -92,6 +92,7 @@ class PoseTrack:
         if is_part:
             count = len(self.matrices)
             which = f"of the {self.owner}'s {count} poses those of frames {start} to {stop}"
+            which += ", counted from 0" * (self.number is None)
         else:
             which = f"the {self.owner}'s poses are of frames {own}, the hand of {start} to {stop}"
         return poses, (which,)

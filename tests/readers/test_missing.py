@@ -504,7 +504,8 @@ def test_of_poses_of_the_whole_video_those_of_the_frames_are_taken(later, more):
     read = geneoh.read("hamer", later, object_pose=poses_of(count))
     found = read.object.translation[:, 0, 0].numpy()
     np.testing.assert_allclose(found, 0.001 * np.arange(5, FRAMES + 5), atol=1e-6)
-    assert f"of the object's {count} poses those of frames 5 to {FRAMES + 4}" in read.source
+    words = f"of the object's {count} poses those of frames 5 to {FRAMES + 4}, counted from 0"
+    assert words in read.source
 
 
 def test_as_many_poses_with_other_numbers_are_told(later):
