@@ -11,7 +11,15 @@ import click
 from click import Choice
 from click.core import ParameterSource
 
-from geneoh.choices import PRESETS, RESULT_HANDS, SEED_LIMITS, SELECTIONS, SIDES, UNITS
+from geneoh.choices import (
+    JOINT_ORDERS,
+    PRESETS,
+    RESULT_HANDS,
+    SEED_LIMITS,
+    SELECTIONS,
+    SIDES,
+    UNITS,
+)
 from geneoh.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -112,6 +120,17 @@ camera = option(
     Place(),
 )
 unit = option("--unit: Unit of the meshes of --obj, where it is not metres.", Choice(UNITS), "m")
+bare = together(
+    option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
+    option(
+        "--keypoint-unit: Unit of bare keypoints, and of the poses of object and camera and the "
+        "`camera_position` beside them, except poses in TUM's or KITTI's format, which are in "
+        "metres.  "
+        "[default: m]",
+        Choice(UNITS),
+    ),
+)
+"""Options for keypoints that are not in OpenPose's order and in metres."""
 obj = many(f"--obj: {OBJ_HELP}", FILE, required=True)
 obj_or_source = many(
     f"--obj: {OBJ_HELP} Not needed where the file, or the source of --from, has its own; without "

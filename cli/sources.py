@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from click import Choice
 
-from geneoh.choices import JOINT_ORDERS, OF_SOURCES, POSE_FRAMES, TRANSLATIONS, UNITS
+from geneoh.choices import OF_SOURCES, POSE_FRAMES, TRANSLATIONS
 from geneoh.errors import numbered
 from geneoh.readers.registry import SOURCES
 
@@ -36,15 +36,8 @@ reader_options = options.together(
         Choice(POSE_FRAMES),
         "world",
     ),
-    option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,
-    option(
-        "--keypoint-unit: Unit of bare keypoints, and of the poses of object and camera and the "
-        "`camera_position` beside them, except poses in TUM's or KITTI's format, which are in "
-        "metres.  "
-        "[default: m]",
-        Choice(UNITS),
-    ),
+    options.bare,
     option(
         "--translation: Point that the translation of bare MANO parameters places.",
         Choice(TRANSLATIONS),

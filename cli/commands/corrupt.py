@@ -18,6 +18,7 @@ from .. import options
 @options.option("--object-noise: Noise on the poses of the object.", Choice(OBJECT_NOISES))
 @options.seed
 @options.reading
+@options.bare
 @options.output
 def corrupt(
     clean: Path,

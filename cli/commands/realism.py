@@ -17,6 +17,7 @@ from .. import options
 )
 @options.output
 @options.reading
+@options.bare
 def realism(
     recording: Path,
     obj: tuple[Path, ...],

@@ -45,6 +45,7 @@ from ..options import FILE, OBJ_HELP, flag, many, option
 @option("--port: Network port of --serve.", click.IntRange(0, 65535), 8080)
 @options.unit
 @options.reading
+@options.bare
 def view(
     files: tuple[Path, ...],
     obj: tuple[Path, ...],
@@ -75,7 +76,8 @@ def view(
         refuse_without_mano(chosen["mano"])
     if not serve:  # --serve finds meshes by name
         options.refuse_unit_without(obj)
-    given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
+    read = ("side", "fps", "unit", "joint_order", "keypoint_unit")
+    given = {name: chosen.pop(name) for name in read}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)
     up = chosen.pop("up")
     look = Look(up=up or "z", **chosen)

@@ -43,6 +43,8 @@ from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
 LOG = logging.getLogger(__name__)
+OF_BARE = "joint_order", "keypoint_unit"
+"""Options of `geneoh.load` for keypoints that are not in OpenPose's order and in metres."""
 CELL_HEIGHT = 720  # of the frame around a page below the cell of a notebook, pixels
 
 Viewable = Result | Sequence | Path | str  # in memory, or an npz file
@@ -174,10 +176,13 @@ def open_scene(
     """The scene of a result, and of its input where `before` is passed.
 
     The arguments are those of `view`; others, such as `side`, `fps` and `unit`, are those of
-    `geneoh.load`, for npz files.
+    `geneoh.load`. `joint_order` and `keypoint_unit` are of the input, if there is one: results are
+    in OpenPose's order and in metres.
     """
     sequences: dict[str, Sequence] = {}
     for given in (result,) if before is None else (before, result):
+        if given is result and before is not None:
+            reading = {name: each for name, each in reading.items() if name not in OF_BARE}
         if isinstance(given, Path | str):
             sequence = load(given, obj=obj, mano_dir=mano_dir, **reading)
             name, longer_name = Path(given).stem, str(given)

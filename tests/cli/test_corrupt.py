@@ -34,6 +34,16 @@ def test_mano_adds_the_mean_pose_that_a_file_lacks(geneoh, tmp_path):
     geneoh(*given, "--mano", write_mano(tmp_path / "mano"))
 
 
+def test_keypoints_in_another_unit_are_read(geneoh, tmp_path):
+    write_good(tmp_path)
+    joints = load(tmp_path / "hand.npz").hands[0].joints
+    np.save(tmp_path / "raw.npy", 100 * joints.numpy())
+    given = ("corrupt", "raw.npy", "--noise", "drop", "--side", "right", "-o", "out.npz")
+    geneoh(*given, "--keypoint-unit", "cm")
+    (noisy,) = load(tmp_path / "out.npz").hands
+    np.testing.assert_allclose(noisy.joints[noisy.valid], joints[noisy.valid], atol=0.05)
+
+
 def test_the_same_seed_gives_the_same_file(geneoh, tmp_path):
     write_good(tmp_path)
     for out, seed in (("a.npz", 3), ("b.npz", 3), ("c.npz", 4)):

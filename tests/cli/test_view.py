@@ -15,6 +15,7 @@ from PIL import Image
 from geneoh import load, save
 from geneoh.choices import STRIP_CELL
 from geneoh.errors import MissingAssetError
+from geneoh.readers.joint_orders import ORDERS
 from geneoh.viz.canvas import LEAST_COLUMN, STRIP_GAP
 from geneoh.viz.video import ffmpeg_path
 
@@ -53,6 +54,17 @@ def test_page_stands_beside_the_result_by_default(geneoh, folder):
     assert [version["title"] for version in page_scene(folder / "clean.html")["versions"]] == [
         "clean"
     ]
+
+
+def test_the_unit_and_the_order_of_keypoints_are_of_the_input(geneoh, folder):
+    save(load(folder / "clean.npz", obj=folder / "object.obj"), folder / "result.npz")
+    joints = load(folder / "hand.npz").hands[0].joints.numpy()
+    np.save(folder / "raw.npy", 1000 * joints[:, np.argsort(ORDERS["mano"].entries)])
+    given = ("view", "result.npz", "raw.npy", "--side", "right")
+    assert "--keypoint-unit mm" in geneoh(*given, "--joint-order", "mano", code=2).stderr
+    geneoh(*given, "--joint-order", "mano", "--keypoint-unit", "mm")
+    before, after = page_scene(folder / "result.html")["versions"]
+    assert (before["title"], after["title"]) == ("raw", "result")
 
 
 def test_a_mesh_of_another_unit_is_told(geneoh, folder):
