@@ -173,6 +173,18 @@ def test_hands_of_one_image_may_have_files_of_their_own(tmp_path):
     assert_right(tmp_path)
 
 
+def test_a_second_person_is_left_out_with_a_note(tmp_path):
+    made = [wilor_mini(image) for image in images(tmp_path)]
+    for hands in made[2:4]:
+        (own,) = (hand for hand in hands if hand["is_right"])
+        place = own["wilor_preds"]["pred_cam_t_full"] + [0.5, 0.0, 0.0]
+        hands.insert(0, own | {"wilor_preds": own["wilor_preds"] | {"pred_cam_t_full": place}})
+    (tmp_path / "video.pkl").write_bytes(pickle.dumps(made))
+    source = assert_right(tmp_path).source
+    assert "in 2 images more than one right hand: the one nearest to that" in source
+    assert "one left hand" not in source
+
+
 def test_names_that_may_mean_several_recordings_are_refused(tmp_path):
     made = images(tmp_path)
     numbered(tmp_path, made, "cam1_{:06d}.pt")

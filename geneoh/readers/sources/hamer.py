@@ -12,6 +12,7 @@ back here. The demos mirror some of the fields back themselves, in place, and Wi
 them. Which fields of a dump are still mirrored is inferred from how they fit each other.
 """
 
+from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -19,6 +20,7 @@ import numpy as np
 import torch
 
 from geneoh.choices import Side
+from geneoh.errors import numbered
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import MENDED
@@ -48,7 +50,7 @@ def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     hands = [
         _hand_of(found.take(own, "N"), s, first, frames) for s, own in rows.items() if len(own)
     ]
-    notes = (*notes, *more)
+    notes = (*notes, *more, *notes_on_crowds(found))
     yield base.ClipParts(
         f"HaMeR or WiLoR {clip.name}",
         [hand_track(**hand, left_hand=MENDED) for hand in hands],  # right hands, mirrored
@@ -78,6 +80,17 @@ def _rows_of(found: Detections, side: Side) -> Array:
             if np.linalg.norm(wrist[row] - before) < np.linalg.norm(last - before):
                 chosen[-1] = row
     return np.array(chosen, dtype=int)
+
+
+def notes_on_crowds(found: Detections) -> Iterator[str]:
+    """A note for each side of which some images have several hands."""
+    for side, wanted in (("right", True), ("left", False)):
+        images = np.bincount(found.frame[found.right == wanted] - found.frame.min())
+        if count := int((images > 1).sum()):
+            yield (
+                f"in {numbered(count, 'image')} more than one {side} hand: the one nearest to that "
+                "of the image before is kept"
+            )
 
 
 def _hand_of(found: Detections, side: Side, first: int, frames: int) -> dict[str, Any]:
