@@ -103,10 +103,20 @@ def read_rows(path: Path) -> tuple[list[Row], list[str]]:
             table = csv.DictReader(lines, delimiter=separator)
             names = [str(name).strip() for name in table.fieldnames or ()]
             table.fieldnames = names
-            rows = (row for row in table if any(row.values()))  # no lines of separators alone
+            rows = without_blanks(list(table))
             return [with_points(row, separator, path) for row in rows], names
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
+
+
+def without_blanks(rows: list[Row]) -> list[Row]:
+    """The rows but those of separators alone. Where no column has the numbers or times of frames,
+    these are frames without a hand, except at the end, where spreadsheets write such lines."""
+    filled = [any(row.values()) for row in rows]
+    head = rows[0] if rows else ()
+    if frame_column(rows) or column_of(rows, TIME_NAMES) or split_stamp(head):
+        return [row for row, there in zip(rows, filled, strict=True) if there]
+    return rows[: max((n for n, there in enumerate(filled, 1) if there), default=0)]
 
 
 def as_rows(value: Any) -> tuple[list[Row], list[str]] | None:

@@ -395,6 +395,19 @@ def test_a_table_of_excel_keeps_the_numbers_of_its_frames(tmp_path):
     assert hand.valid.tolist() == [True, True, False, False, True]
 
 
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_row_without_numbers_is_a_frame_where_no_column_numbers_them(tmp_path, stamped):
+    header, rows = TABLES["x0"]
+    blank = [""] * len(header)
+    rows = [*rows[:2], blank, *rows[2:], blank]
+    first = 0 if stamped else 1
+    write_table(tmp_path / "hand.csv", header[first:], [row[first:] for row in rows])
+    (hand,) = geneoh.load(tmp_path / "hand.csv", side="right").hands
+    seen = [True] * FRAMES if stamped else [True, True, False, *[True] * (FRAMES - 2)]
+    assert hand.valid.tolist() == seen
+    np.testing.assert_allclose(hand.joints[hand.valid], POINTS, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", ["HAND.CSV", "HAND.JSON", "HAND.JSONL", "HAND.NPY"])
 def test_endings_may_be_in_capitals(name, tmp_path):
     path = tmp_path / name
