@@ -7,6 +7,10 @@ Programs name coordinates in many ways: `WRIST_x`, `LeftIndexTipPosX`, `XR_HAND_
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Any
 
 from geneoh.choices import Side
 
@@ -48,6 +52,23 @@ LEFT_OUT = {"palm", "forearm", "thumb0"}
 def words_of(name: str) -> list[str]:
     """The words of a name in lower case, split at punctuation, capitals and digits."""
     return [word.lower() for word in WORD.findall(UNIT.sub("", name))]
+
+
+IMAGE_NAMES = ("image", "img", "file", "filename", "frame_name")
+IMAGE_NAMES += tuple(
+    f"{what}_{of}" for what in ("image", "img", "file") for of in ("name", "path", "file", "id")
+)
+"""Names of the image that a frame is from, as words_of joins their words by underscores."""
+
+
+def image_numbers(names: Iterable[Any]) -> list[int] | None:
+    """The last number in each image's name; None unless they rise by 1, but where images are left
+    out: other numbers may be times, or count at another rate than that of the frames."""
+    found = [re.findall(r"\d+", Path(str(name)).stem) for name in names]
+    numbers = [int(each[-1]) for each in found if each]
+    steps = [after - before for before, after in pairwise(dict.fromkeys(numbers))]
+    rising = numbers == sorted(numbers) and bool(steps) and median(steps) == 1
+    return numbers if rising and len(numbers) == len(found) else None
 
 
 def plain_name(name: str) -> str:

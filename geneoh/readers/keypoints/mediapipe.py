@@ -20,7 +20,7 @@ from geneoh.choices import OTHER_SIDE, SIDES, Side, Unit
 from geneoh.errors import InputError, numbered
 from geneoh.readers.checks.hands import of_picture
 from geneoh.readers.clock import CLOCK_NAMES, rate_fields
-from geneoh.readers.column_names import side_in, words_of
+from geneoh.readers.column_names import IMAGE_NAMES, image_numbers, side_in, words_of
 from geneoh.readers.records import Array, Notes, Record, as_record
 
 WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
@@ -128,7 +128,8 @@ def frames_in(value: Any) -> list[Any]:
 
 def numbers_in(value: Any) -> dict[str, int]:
     """The number in each key of a dict of frames; empty for anything else."""
-    found = {name: NUMBERED.fullmatch(name) for name in value} if isinstance(value, dict) else {}
+    fields = value if isinstance(value, dict) else {}
+    found = {name: NUMBERED.fullmatch(str(name)) for name in fields}
     numbers = {name: int(each[1] or each[2]) for name, each in found.items() if each}
     return numbers if len(numbers) == len(found) else {}
 
@@ -145,6 +146,10 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     for name in CLOCK_NAMES:
         if any(fields.get(name) is not None for fields in named):
             stamps[name] = [fields.get(name) for fields in named]
+    images = next((name for name in IMAGE_NAMES if all(name in each for each in named)), None)
+    if images and stamps.keys().isdisjoint(CLOCK_NAMES):
+        numbers = image_numbers(fields[images] for fields in named)
+        stamps |= {"frame": numbers} if numbers else {}
     return Record(where, stamps, "correct it, or leave it out")
 
 

@@ -21,8 +21,10 @@ from geneoh.errors import InputError, numbered
 from geneoh.files.reading import open_text, table_in
 from geneoh.readers.clock import TIME_NAMES
 from geneoh.readers.column_names import (
+    IMAGE_NAMES,
     columns_called,
     coordinate_in,
+    image_numbers,
     plain_name,
     point_in,
     side_in,
@@ -149,15 +151,27 @@ def with_points(row: Row, separator: str, path: Path) -> Row:
 
 
 def with_stamps(rows: list[Row]) -> list[Row]:
-    """The rows, with a time in one column where ROS has split it into two."""
+    """The rows, with a time in one column where ROS has split it into two, and with frame numbers
+    where only names of images have them."""
     parts = split_stamp(rows[0] if rows else ())
-    if parts is None or column_of(rows, TIME_NAMES):
+    if column_of(rows, TIME_NAMES):
         return rows
+    if parts is None:
+        return with_numbers(rows)
     told = [[number_in(row[part] or "") for part in parts] for row in rows]
     return [
         {**row, "stamp_s": repr(seconds + 1e-9 * nanoseconds)}
         for row, (seconds, nanoseconds) in zip(rows, told, strict=True)
     ]
+
+
+def with_numbers(rows: list[Row]) -> list[Row]:
+    """The rows, with frame numbers by a column of images where there are no others."""
+    images = column_of(rows, IMAGE_NAMES)
+    if images is None or frame_column(rows):
+        return rows
+    numbers = image_numbers(row[images] for row in rows) or ()
+    return [{**row, "frame": str(n)} for row, n in zip(rows, numbers, strict=False)] or rows
 
 
 def times_in(rows: list[Row], frames: list[float], path: Path) -> Record:

@@ -408,6 +408,22 @@ def test_a_row_without_numbers_is_a_frame_where_no_column_numbers_them(tmp_path,
     np.testing.assert_allclose(hand.joints[hand.valid], POINTS, atol=1e-6)
 
 
+def test_numbered_images_tell_which_frames_are_left_out(tmp_path):
+    header, rows = TABLES["x0"]
+    images = [f"video/frame_{n:04d}.jpg" for n in (7, 8, 9, 12, 13)]
+    named = [[image, *row[1:]] for image, row in zip(images, rows, strict=True)]
+    write_table(tmp_path / "hand.csv", ["image", *header[1:]], named)
+    frames = [
+        {"file_name": image, "right": points}
+        for image, points in zip(images, POINTS.tolist(), strict=True)
+    ]
+    (tmp_path / "hand.json").write_text(json.dumps(frames))
+    for name in ("hand.csv", "hand.json"):
+        (hand,) = geneoh.load(tmp_path / name, side="right").hands
+        assert hand.valid.tolist() == [True, True, True, False, False, True, True]
+        np.testing.assert_allclose(hand.joints[hand.valid], POINTS, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", ["HAND.CSV", "HAND.JSON", "HAND.JSONL", "HAND.NPY"])
 def test_endings_may_be_in_capitals(name, tmp_path):
     path = tmp_path / name
