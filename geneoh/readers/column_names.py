@@ -64,7 +64,7 @@ IMAGE_NAMES += tuple(
 def image_numbers(names: Iterable[Any]) -> list[int] | None:
     """The last number in each image's name; None unless they rise by 1, but where images are left
     out: other numbers may be times, or count at another rate than that of the frames."""
-    found = [re.findall(r"\d+", Path(str(name)).stem) for name in names]
+    found = [re.findall(r"\d{1,18}", Path(str(name)).stem) for name in names]
     numbers = [int(each[-1]) for each in found if each]
     steps = [after - before for before, after in pairwise(dict.fromkeys(numbers))]
     rising = numbers == sorted(numbers) and bool(steps) and median(steps) == 1

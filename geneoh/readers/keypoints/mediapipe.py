@@ -29,7 +29,7 @@ IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandma
 SIDE_FIELDS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
 LISTS = ("frames", "results", "instance_info")
 """Names under which a file may list its results; the last one is MMPose's."""
-NUMBERED = re.compile(r"(\d+)|.*?(\d{4,})(\.\w+)?")
+NUMBERED = re.compile(r"(\d{1,18})|.*?(\d{4,18})(\.\w+)?")
 """Keys of frames: numbers, or names of numbered images."""
 OF_SIDE: dict[Side, tuple[str, str]] = {
     side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES

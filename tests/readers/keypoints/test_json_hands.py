@@ -140,6 +140,13 @@ def test_numbers_are_those_of_frames_and_not_of_points(frames, name, read):
     np.testing.assert_allclose(hand.joints, points, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "form", [lambda name, p: {name: p}, lambda name, p: [{"image": name, **p}] * 2]
+)
+def test_names_of_thousands_of_digits_are_no_error_of_ours(form, read):
+    assert read(form("7" * 5000, {"right": POINTS[0].tolist()})).hands[0].side == "right"
+
+
 def test_a_hand_of_zeros_in_every_frame_is_left_out(read):
     zeros = np.zeros((21, 3)).tolist()
     sequence = read([{"right": p, "left": zeros} for p in POINTS.tolist()])
