@@ -184,6 +184,15 @@ def test_bare_parameters_are_read_with_what_their_file_says_beside_them(
     assert found.hands[0].confidence.unique().tolist() == [0.5]
 
 
+def test_the_order_of_the_columns_of_bare_parameters_is_told(estimated, tmp_path):
+    hand = estimated[0].hand("left")
+    columns = np.c_[hand.pose[:12].reshape(12, 48).numpy(), hand.wrist[:12].numpy()]
+    np.save(tmp_path / "hand.npy", columns)
+    found = geneoh.read("parameters", tmp_path / "hand.npy", side="left", translation="wrist")
+    assert "taken for pose (48), trans (3) and betas (10), in this order" in found.source
+    assert found.hands[0].wrist.equal(hand.wrist[:12])
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -9,8 +9,8 @@ of WebXR and OpenXR have 25 and 26 points. Metres unless --keypoint-unit says ot
 which hand, --obj and --object-pose add the object.
 
 Parameters: 'pose' (T, 48), 'trans' (T, 3) and 'betas' in an npz or a pickle; a bare npy holds them
-side by side, 51 or 61 numbers a frame. What the translation moves is never guessed (--translation
-wrist or origin); the pose is taken as absolute unless --mean-pose.
+side by side in this order, 51 or 61 numbers a frame. What the translation moves is never guessed
+(--translation wrist or origin); the pose is taken as absolute unless --mean-pose.
 """
 
 from collections.abc import Callable, Iterable
@@ -40,6 +40,7 @@ from geneoh.readers.records import IN_RADIANS, Array, Notes, Record
 KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"
 PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side by side in a npy"
 """What to do about a wrong field, which is in a file of the caller's own."""
+IN_ORDER = "its columns are taken for pose (48), trans (3) and betas (10), in this order"
 POSES = ("object_pose", "camera_pose")
 
 
@@ -89,6 +90,11 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     trust = None if confidence is None else confidence.numpy()
     place = record.array("trans", ("T", 3))
     hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
+    if "columns" in record:
+        notes = (
+            *notes,
+            "its columns are taken for pose (48), trans (3) and betas (10), in this order",
+        )
     if options.mean_pose is None:
         notes = (*notes, "the pose is taken as absolute axis-angle vectors, not PCA coefficients")
     yield base.ClipParts(
@@ -148,5 +154,5 @@ def _columns(path: Path, value: object) -> dict[str, Array]:
             f"{path}: 48 parameters are a pose without a place, got no translation; save 'pose' "
             "and 'trans' together with numpy.savez"
         )
-    fields = {"pose": array[:, :48], "trans": array[:, 48:51]}
+    fields = {"columns": array, "pose": array[:, :48], "trans": array[:, 48:51]}
     return {**fields, "betas": array[:, 51:]} if array.shape[1] == 61 else fields
