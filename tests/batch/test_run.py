@@ -76,6 +76,18 @@ def test_the_summary_tells_how_deep_two_hands_were_in_each_other(
     assert told in (tmp_path / "out" / "summary.csv").read_text()
 
 
+def test_the_summary_tells_what_was_assumed_of_a_file(clips, clean, caplog, tmp_path):
+    with np.load(clips / "clip1.npz") as file:
+        arrays = {name: file[name] for name in file if name != "fps"}
+    np.savez(clips / "clip1.npz", **arrays, confidense=0)
+    clean(clips)
+    lines = (tmp_path / "out" / "summary.csv").read_text().splitlines()
+    told = [line for line in lines if "30 frames a second assumed; --fps says otherwise" in line]
+    assert [line.partition(",")[0] for line in told] == ["clip1"]
+    assert "'confidense' is not read; is it 'confidence'?" in told[0]
+    assert "assumed" not in caplog.text
+
+
 def test_the_summary_links_a_file_whose_name_is_in_an_old_encoding(clips, clean, tmp_path):
     (clips / "clip0.npz").rename(clips / os.fsdecode(b"caf\xe9.npz"))
     clean(clips)
