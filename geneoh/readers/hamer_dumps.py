@@ -6,7 +6,7 @@ under 'wilor_preds'.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -19,6 +19,8 @@ from geneoh.bundle import Bundle, concatenated
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.readers import transforms
+from geneoh.readers.clock import FRAME_NAMES
+from geneoh.readers.column_names import IMAGE_NAMES, image_numbers
 from geneoh.readers.foreign_files import read_json
 from geneoh.readers.records import FRAME_LIMIT, Array, Notes, Record, described
 
@@ -99,7 +101,7 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]
         if _is_empty(record):
             continue
         made = read_batch(record, focal, number)
-        if number is None and "frame" not in record and len(made.right) > 1:
+        if number is None and frame_field(record) is None and len(made.right) > 1:
             if len(np.unique(made.right)) > 1:
                 expected = "the number of each row's image, where a file has hands of both sides"
                 raise record.refuse("frame", expected, "dump it too, or each hand to its own file")
@@ -121,10 +123,22 @@ def batches_of_file(path: Path) -> Iterator[Batch]:
         for frame, (name, image) in zip(numbers, value.items(), strict=True):
             yield from batches_of_image(image, f"{path} '{name}'", frame)
     elif isinstance(value, list | tuple):
-        for frame, image in enumerate(value):
+        for frame, image in zip(numbers_of_images(value), value, strict=True):
             yield from batches_of_image(image, f"{path}, image {frame}", frame)
     else:
         raise no_batch(value, str(path))
+
+
+def numbers_of_images(images: Sequence[Any]) -> Sequence[int]:
+    """The frame number of each entry of a list of images: by the names of the images, if all have
+    one, else its place in the list."""
+    for field in IMAGE_NAMES:
+        names = [
+            each[field] for each in images if is_batch(each) and isinstance(each.get(field), str)
+        ]
+        if len(names) == len(images) and (numbers := image_numbers(names)):
+            return numbers
+    return range(len(images))
 
 
 def batches_of_folder(folder: Path, notes: list[str]) -> Iterator[Batch]:
@@ -151,8 +165,8 @@ def value_in(file: Path) -> Any:
 
 
 def batches_of_image(value: Any, where: str, frame: int) -> Iterator[Batch]:
-    """The batches of one image: one, or a list of them."""
-    if value is None:
+    """The batches of one image: one, or a list of them; None, [] and {} hold none."""
+    if value is None or (isinstance(value, Mapping) and not value):
         return
     for each in value if isinstance(value, list | tuple) else (value,):
         if not is_batch(each):
@@ -176,6 +190,11 @@ def no_batch(value: Any, where: str) -> InputError:
 def side_field(record: Record) -> str:
     """Name of the field that marks the right hands among the detections."""
     return "is_right" if "is_right" in record and "right" not in record else "right"
+
+
+def frame_field(record: Record) -> str | None:
+    """Name of the field that numbers the images, if there is one."""
+    return next((name for name in FRAME_NAMES if name in record), None)
 
 
 def _is_empty(record: Record) -> bool:
@@ -219,11 +238,11 @@ def _turns_of(params: Record, name: str, count: int) -> Array:
 def frames_of_rows(record: Record, count: int, number: int | None) -> Array:
     """(B,) the frame number of each row."""
     frames = [*range(count)] if number is None else [number] * count
-    if "frame" in record:
-        frames = record.integers("frame")
+    if name := frame_field(record):
+        frames = record.integers(name)
     if len(frames) != count or min(frames) < 0 or max(frames) > FRAME_LIMIT:
         wanted = f"a frame's number, 0 to {FRAME_LIMIT}, for each of {count} detections"
-        raise record.refuse("frame", wanted)
+        raise record.refuse(name or "frame", wanted)
     return np.array(frames)
 
 

@@ -130,6 +130,25 @@ def test_an_image_without_hands_is_an_empty_list_of_wilor_mini(tmp_path):
         assert hand.valid.tolist() == [t != 2 for t in range(FRAMES)]
 
 
+@pytest.mark.parametrize("nothing", [None, [], {}])
+def test_an_image_without_hands_may_hold_nothing(tmp_path, nothing):
+    made: list[Any] = images(tmp_path)
+    made[2] = nothing
+    (tmp_path / "video.pkl").write_bytes(pickle.dumps(made))
+    for hand in geneoh.read("hamer", tmp_path, focal=FOCAL).hands:
+        assert hand.valid.tolist() == [t != 2 for t in range(FRAMES)]
+
+
+@pytest.mark.parametrize("name", ["frame_id", "img_path"])
+def test_images_of_a_list_may_be_numbered_by_other_names(tmp_path, name):
+    made: list[Any] = images(tmp_path)
+    for t, image in enumerate(made):
+        image[name] = f"video/{t + 5:06d}.jpg" if name == "img_path" else [t + 5] * 2
+    (tmp_path / "video.pkl").write_bytes(pickle.dumps(made[:2] + made[3:]))
+    for hand in geneoh.read("hamer", tmp_path, focal=FOCAL).hands:
+        assert hand.valid.tolist() == [t != 2 for t in range(FRAMES)]
+
+
 def as_list(root: Path, made: list[Image]) -> None:
     torch.save(made, root / "video.pt")
 
