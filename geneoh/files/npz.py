@@ -28,6 +28,12 @@ ObjectReader = Callable[[bytes, str], Any]
 """Decodes an array of Python objects from the bytes after its header; the text is for messages."""
 
 
+OF_PROGRAMS = (
+    "save its arrays with numpy.savez, or say with --from whose it is, such as --from hamer"
+)
+"""Remedy for files of other programs, which only readers of their sources open."""
+
+
 def read_archive(path: Path) -> Arrays:
     """Every array of an npz file by its name; `InputError` for anything but sound, plain arrays."""
     data = read_bytes(path, byte_budget())
@@ -38,8 +44,7 @@ def read_archive(path: Path) -> Arrays:
             names = archive.namelist()
             if any(name.endswith("/data.pkl") for name in names):
                 raise InputError(
-                    f"{path}: expected an npz archive, got a file of torch.save; save its arrays "
-                    "with numpy.savez, or say with --from whose it is, such as --from hamer"
+                    f"{path}: expected an npz archive, got a file of torch.save; {OF_PROGRAMS}"
                 )
             if names and not any(name.endswith(".npy") for name in names):
                 raise InputError(
@@ -62,7 +67,7 @@ def got_instead(data: bytes) -> str:
     if data.startswith(b"\x93NUMPY"):
         return "a single .npy array; save the arrays by name with numpy.savez"
     if data.startswith(b"\x80"):
-        return "a pickle, which is never opened; save its arrays with numpy.savez"
+        return f"a pickle, which is never run; {OF_PROGRAMS}"
     if data.startswith(b"\x1f\x8b"):
         return "a gzip file; unpack it with gunzip"
     if data.startswith((b"\x89PNG", b"\xff\xd8\xff", b"%PDF", b"GIF8")) or data[4:8] == b"ftyp":

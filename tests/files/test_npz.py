@@ -1,6 +1,7 @@
 import contextlib
 import io
 import os
+import pickle
 import zipfile
 from pathlib import Path
 
@@ -39,6 +40,12 @@ def test_a_file_of_torch_is_told_as_such(tmp_path):
     torch.save({"hand_pose": torch.zeros(2)}, tmp_path / "a.pt")
     with pytest.raises(InputError, match=r"got a file of torch.save; .*--from"):
         read_archive(tmp_path / "a.pt")
+
+
+def test_a_pickle_is_told_what_opens_it(tmp_path):
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"hand_pose": np.zeros(2)}))
+    with pytest.raises(InputError, match=r"got a pickle, which is never run; .*--from hamer"):
+        read_archive(tmp_path / "a.pkl")
 
 
 def test_numpy_reads_what_is_written_and_the_other_way(tmp_path):
