@@ -124,8 +124,9 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
             clips = [clip for clip in clips if not lies_within(clip.path, results)]
         if not clips:
             raise InputError(
-                f"{path}: expected files of {source.title} at or below it, got none; give a folder "
-                "as the data set unpacks, or choose another source"
+                f"{path}: expected files of {source.title} at or below it, such as "
+                f"{', '.join(source.reader().patterns)}, got none; give a folder as the data set "
+                "unpacks, or choose another source"
             )
         found.update({clip.path: clip for clip in clips})
     return with_distinct_names(list(found.values()))

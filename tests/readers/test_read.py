@@ -239,6 +239,12 @@ def test_every_option_of_some_sources_is_taken_by_one_and_named_rightly():
     assert taken == set(OF_SOME) == set(UNUSED)
 
 
+def test_the_names_of_a_sources_files_are_told_where_there_are_none(tmp_path):
+    (tmp_path / "joints.pkl").write_bytes(b"")
+    with pytest.raises(geneoh.errors.InputError, match=r"such as \*\.npy, \*\.npz, got none"):
+        geneoh.read("keypoints", tmp_path / "joints.pkl", side="left")
+
+
 def test_files_of_the_callers_own_get_a_remedy_that_fits_them(tmp_path):
     np.save(tmp_path / "hand.npy", np.zeros((4, 22, 3)))
     np.save(tmp_path / "joints.npy", np.zeros((4, 21, 3)))
