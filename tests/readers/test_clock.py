@@ -182,6 +182,17 @@ def results(seconds: np.ndarray, **stamps) -> list[dict]:
     return frames
 
 
+@pytest.mark.parametrize(("name", "words"), [("frame", "{0:06d}"), ("time", "{1:.6f}")])
+def test_times_and_numbers_of_json_may_be_texts(name, words, tmp_path):
+    frames = results(KEPT / 30)
+    for frame, number in zip(frames, KEPT.tolist(), strict=True):
+        frame[name] = words.format(number, number / 30)
+    (tmp_path / "hand.json").write_text(json.dumps(frames))
+    sequence = geneoh.load(tmp_path / "hand.json", side="right")
+    assert sequence.fps == pytest.approx(30)
+    assert np.flatnonzero(sequence.hands[0].valid).tolist() == (KEPT - KEPT[0]).tolist()
+
+
 @pytest.mark.parametrize("stamps", [{"timestamp_ms": 1000 * KEPT / 30}, {"frame": KEPT}])
 def test_times_in_results_of_mediapipe_are_read(stamps, tmp_path):
     path = tmp_path / "hand.jsonl"

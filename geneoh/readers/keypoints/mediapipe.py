@@ -21,6 +21,7 @@ from geneoh.errors import InputError, numbered
 from geneoh.readers.checks.hands import of_picture
 from geneoh.readers.clock import CLOCK_NAMES, rate_fields
 from geneoh.readers.column_names import IMAGE_NAMES, image_numbers, side_in, words_of
+from geneoh.readers.foreign_files import number_in
 from geneoh.readers.records import Array, Notes, Record, as_record
 
 WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
@@ -150,7 +151,15 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     if images and stamps.keys().isdisjoint(CLOCK_NAMES):
         numbers = image_numbers(fields[images] for fields in named)
         stamps |= {"frame": numbers} if numbers else {}
+    stamps = {name: as_numbers(values) for name, values in stamps.items()}
     return Record(where, stamps, "correct it, or leave it out")
+
+
+def as_numbers(values: Any) -> Any:
+    """A list whose texts are all numbers as numbers; others as they are."""
+    listed = values if isinstance(values, list) else []
+    found = [number_in(each) if isinstance(each, str) else each for each in listed]
+    return values if not found or any(each != each for each in found) else found
 
 
 def tracks_in(
