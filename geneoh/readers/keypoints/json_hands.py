@@ -9,13 +9,16 @@ the Leap Motion service is read in `geneoh.readers.keypoints.leap`. Other fields
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
-from geneoh.readers.column_names import side_in, words_of
+from geneoh.readers.clock import CLOCK_NAMES
+from geneoh.readers.column_names import IMAGE_NAMES, image_numbers, side_in, words_of
 from geneoh.readers.keypoints import mediapipe
 from geneoh.readers.keypoints.leap import hands_of_leap, is_leap
 from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
@@ -56,7 +59,7 @@ def read_hands(
 
     `side` is for hands without a side, and `order` is the keypoint order of points in a list.
     """
-    frames = _frames_of_columns(value) or mediapipe.frames_in(value)
+    frames = _frames_of_columns(value) or _with_hands_together(mediapipe.frames_in(value))
     file_side, _ = _side_and_score(value, side, 1.0)
     reader = _Frames(file_side, Numbering(order, where))
     tracks, notes = mediapipe.tracks_in(frames, where, file_side, reader.hands)
@@ -181,6 +184,22 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
     lengths = {len(each) for each in columns.values()}
     count = lengths.pop() if len(lengths) == 1 else 0
     return [{name: each[index] for name, each in columns.items()} for index in range(count)]
+
+
+def _with_hands_together(frames: list[Any]) -> list[Any]:
+    """The frames, with consecutive entries of one frame number, time or image, as of programs that
+    write each hand by itself, as the hands of one frame."""
+    fields = [each if isinstance(each, dict) else {} for each in frames]
+    names = [name for name in (*CLOCK_NAMES, *IMAGE_NAMES) if all(name in each for each in fields)]
+    if not names or (
+        names[0] in IMAGE_NAMES and not image_numbers(each[names[0]] for each in fields)
+    ):
+        return frames
+    groups = [list(group) for _, group in groupby(frames, itemgetter(names[0]))]
+    return [
+        group[0] if len(group) == 1 else {**{n: group[0][n] for n in names}, "hands": group}
+        for group in groups
+    ]
 
 
 def _points_by_name(value: Any) -> dict[str, Array]:

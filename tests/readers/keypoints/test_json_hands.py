@@ -132,6 +132,27 @@ def test_a_hand_is_read_in_every_form(form, read):
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["frame", "image"])
+def test_entries_of_one_frame_are_its_hands(name, read):
+    numbers = [0, 1, 4, 5]
+    entries = [
+        {name: n if name == "frame" else f"{n:05d}.png", "hand": side, "landmarks": hand.tolist()}
+        for n, points in zip(numbers, POINTS, strict=True)
+        for side, hand in (("left", points * [-1, 1, 1]), ("right", points))
+    ]
+    del entries[2]
+    sequence = read(entries)
+    seen = {hand.side: np.flatnonzero(hand.valid).tolist() for hand in sequence.hands}
+    assert seen == {"left": [0, 4, 5], "right": numbers}
+    found = sequence.hand("right").joints[numbers]
+    np.testing.assert_allclose(found, POINTS, atol=1e-6)
+
+
+def test_entries_of_one_film_are_its_frames(read):
+    (hand,) = read([{"file": "film_01.mp4", "right": points} for points in POINTS.tolist()]).hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
 @pytest.mark.parametrize("frames", [21, 30])
 @pytest.mark.parametrize("name", ["{}", "img_{:05d}.jpg"])
 def test_numbers_are_those_of_frames_and_not_of_points(frames, name, read):
