@@ -26,6 +26,7 @@ from geneoh.geometry.sampling import PartSamples
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
+from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 WINDOWS_AT_ONCE = 20  # batch size over windows and samples, which bounds the memory
@@ -36,6 +37,7 @@ CARRIED = 10.0
 """Upper bound of a hand's noise in the world frame, in multiples of its noise in the object frame.
 SpatialDiff was trained with the noise in the object frame. With that in the world frame it corrects
 more of the constant errors, but takes a hand that hammers for a noisy one."""
+BETTER_SEEN = 0.1  # trust by which a palm must exceed its whole hand to be denoised by its own
 
 
 @dataclass(frozen=True)
@@ -224,6 +226,13 @@ class StageContext(ObjectSurface):
         surface = self.cut(nearest, 0), self.cut(outward, 0)
         trust, region = self.cut(self.trust, 0).mean(-1), self.region(hand.joints)
         return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
+
+    def trust_of_palm(self) -> Float[Tensor, "W N"] | None:
+        """Trust of the palm in each window, at least that of the whole hand; None unless it exceeds
+        that by `BETTER_SEEN` in some frame."""
+        trust = self.cut(self.trust, 0)
+        palm, whole = trust[..., list(PALM)].mean(-1), trust.mean(-1)
+        return palm.maximum(whole) if bool((palm - whole > BETTER_SEEN).any()) else None
 
 
 def repeated(hand: HandParameters, samples: int) -> HandParameters:

@@ -29,6 +29,7 @@ from geneoh.representation.parameters import HandParameters, turned
 from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.windows import blocks
 
+WRIST = 6  # components of the wrist's translation and rotation, the first of a change
 CONSTANT_SHARE = 0.85
 """Correlation of the shifts of two windows far apart: most errors that are constant in a window are
 constant over the whole clip, such as errors of a camera's depth estimates."""
@@ -50,19 +51,27 @@ def denoise_motion(
 ) -> HandParameters:
     """MotionDiff: `samples` world-frame hands with natural canonical trajectories.
 
-    `hand` is the observed hand in the world frame, one sample, gaps filled.
+    `hand` is the observed hand in the world frame, one sample, gaps filled. The network takes a
+    frame of little trust for a gap, in which it moves the hand to its path through the frames
+    around. Where hidden fingers have little trust and the palm has more, the wrist is denoised by
+    that of the palm.
     """
     pieces = context.pieces(samples)
     advance = counted(on_step, plan.calls * len(pieces))
 
     seen = [piece.observed_motion(hand[frames]) for _, frames, piece in pieces]
+    palms = [piece.trust_of_palm() for _, _, piece in pieces]
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         def answer(index: int) -> Tensor:
             _, frames, piece = pieces[index]
             windows = piece.windows(x[:, frames])
             # a copy, so that its cached network input is freed: it is too large on long tracks
-            found = model(windows, windows.new_full((len(windows),), sigma), replace(seen[index]))
+            level, palm = windows.new_full((len(windows),), sigma), palms[index]
+            found = model(windows, level, replace(seen[index]))
+            if palm is not None:
+                own = model(windows, level, replace(seen[index], trust=palm))
+                found = torch.cat([own[..., :WRIST], found[..., WRIST:]], dim=-1)
             advance()
             return found
 
