@@ -17,16 +17,23 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.mano import MANO_NAMES
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.hand.skeleton import forward_kinematics, rest_offsets, trust_of_bones
-from geneoh.sequence.gaps import Carrier, blendable
+from geneoh.hand.skeleton import (
+    MANO_FROM_OPENPOSE,
+    forward_kinematics,
+    rest_offsets,
+    trust_of_bones,
+)
+from geneoh.sequence.gaps import Carrier, blendable, observed_around
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015  # greatest mean distance of input joints to the posed hand's, metres
 OTHER_SKELETON = 0.002
 """Root mean square difference of a tracker's rest offsets from those of the shaped hand, metres,
 from which its joints lie elsewhere: of the same skeleton, lasting errors explain 1 mm."""
-
-
+MOVED_BY_FINGERS = tuple(
+    [MANO_FROM_OPENPOSE[entry] for entry in (3 * n + 2, 3 * n + 3, 16 + n)] for n in range(5)
+)
+"""Keypoints that the joints of each finger move, fingers in the order of the joints."""
 OTHER_SIZE = 0.07  # share by which joints and betas of one hand may differ in size
 
 
@@ -46,19 +53,34 @@ class Subject(Bundle):
         """Pose parameters of the input, one sample; fitted to the keypoints if it has none.
 
         Keypoints of another skeleton are followed as loosely as it differs: a hand that follows
-        them closely bends and twists to reach joints that it does not have.
+        them closely bends and twists to reach joints that it does not have. A finger that is hidden
+        in some frames is posed there between the frames around: the fit would relax it.
         """
         if self.start is not None:
             return self.start
         noise = self.keypoint_noise
         found = self._fitted(noise)
         other = self._other_skeleton(found)
-        return found if other < max(noise, OTHER_SKELETON) else self._fitted(other)
+        found = found if other < max(noise, OTHER_SKELETON) else self._fitted(other)
+        return self._with_hidden_fingers(found)
 
     def _fitted(self, noise: float) -> HandState:
         """Parameters fitted to keypoints with errors of this standard deviation, metres."""
         given = self.joints[None], self.fit_trust[None]
         return fit_keypoints(*given, self.shaped, noise=noise)
+
+    def _with_hidden_fingers(self, fitted: HandState) -> HandState:
+        """The hand with rotations of each finger interpolated in the frames with a hand in which no
+        keypoint after the finger's first one is trusted, but in others some is."""
+        there, rotations = self.trust.amax(-1) > 0, fitted.rotations.clone()
+        for number, points in enumerate(MOVED_BY_FINGERS):
+            seen = (self.trust[:, points] > 0).any(-1)
+            hidden = there & ~seen
+            if bool(hidden.any() and seen.any()):
+                own = slice(1 + 3 * number, 4 + 3 * number)
+                posed = observed_around(seen).rotations(rotations[0, :, own])
+                rotations[0, hidden, own] = posed[hidden]
+        return replace(fitted, rotations=rotations)
 
     def _other_skeleton(self, fitted: HandState) -> float:
         """Root mean square difference of the tracker's own rest offsets from those of the fitted
