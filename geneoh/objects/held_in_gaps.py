@@ -27,7 +27,6 @@ KEPT, CHANGED = 0.035, 0.05
 """Distance between the usual places of the object in the palm before and after a gap, metres: up to
 the first bound the hand kept it, from the second on it was taken or put down in the gap. Of made
 and scanned clips with noise, held objects have at most 0.032 and others 0.065 or more."""
-PROBABLE = 0.5  # extent to which a palm carries an object from which on it keeps it in a gap
 
 
 def held_in_gaps(motion: ObjectTrack, palms: Iterable[RigidMotion]) -> ObjectTrack:
@@ -56,8 +55,8 @@ def held_in_gaps(motion: ObjectTrack, palms: Iterable[RigidMotion]) -> ObjectTra
 
 
 def carried_path(path: Rigid, known: Bool[Tensor, " T"], palms: list[Mover], size: float) -> Rigid:
-    """A path with gaps in which the object moves with the palm that keeps it most surely; where no
-    palm probably does, it changes what it moves with. `size` is its radius, metres."""
+    """A path with gaps in which the object moves with the palm that moves with it most, or changes
+    what it moves with if that is more sure. `size` is the radius of the object, metres."""
     every = [kept_in_palm(path, known, palm) for palm in palms]
     share, best = torch.stack([share for _, share in every]).max(0)
     frames = torch.arange(len(share), device=share.device)
