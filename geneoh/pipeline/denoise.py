@@ -19,6 +19,8 @@ from geneoh.hand.model import HandModel
 from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.camera_motion import steady_camera
+from geneoh.objects.held_in_gaps import held_in_gaps
+from geneoh.objects.palms import palm_of
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
@@ -29,6 +31,7 @@ from geneoh.pipeline.hand_run import HandRun
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, left_out
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.preparation import (
+    OF_FILLED_POSES,
     OF_OTHER_POSES,
     Prepared,
     brought_to_world,
@@ -177,12 +180,15 @@ def clean_interaction(
         for found, hand in zip(fitted, ready.hands, strict=True)
     }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
-    kept = sequence.object.filled_from(ready.examined.object)
+    met = ready.examined.object
     if options.refine_object and examination is not None:
-        kept = refine_object(ready.examined.object, examination, hands, sequence.fps)
+        kept = refine_object(met, examination, hands, sequence.fps)
         notes += [EXACT] if _same_poses(kept, sequence.object) else []
-    elif not _same_poses(ready.examined.object, kept):
-        notes.append(OF_OTHER_POSES)
+    else:
+        filled = sequence.object.filled_from(met)
+        kept = sequence.object.filled_from(held_in_gaps(met, map(palm_of, hands)))
+        notes += [] if _same_poses(met, filled) else [OF_OTHER_POSES]
+        notes += [] if _same_poses(filled, kept) else [OF_FILLED_POSES]
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examination, in_each_other)
 

@@ -33,6 +33,10 @@ OF_OTHER_POSES = (
     "measures are against the cleaned poses of the object; a page measures against the poses in "
     "the file, which are the input's (--refine-object writes clean ones)"
 )
+OF_FILLED_POSES = (
+    "where the object has no pose and a hand moves it, it moves with the clean hand in the result; "
+    "measures there are against an object that moves with the hand as it was given"
+)
 OF_SHIFTED_HANDS = (
     "measures, those of the input too, are of the hands after --hand-delay; a page draws and "
     "measures the input as it was given"
