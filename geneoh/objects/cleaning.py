@@ -18,7 +18,7 @@ from torch import Tensor
 
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.objects.consistency import Chain, longest_chain, possible_places
+from geneoh.objects.consistency import Chain, longest_chain, possible_places, there_and_back
 from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
 from geneoh.objects.palms import RigidMotion, Views
 from geneoh.objects.smoothing import (
@@ -44,6 +44,8 @@ the position is used in frames where the rotation jumps."""
 ACCEPTED_SECONDS = 4 / 3
 """Duration in seconds after which a pose beyond a jump is accepted: twice that for a hand
 (`geneoh.sequence.shots`), because cleaning against a flipped object is worse than without any."""
+LEAP = 0.04
+"""Least step of a part that leaps elsewhere and comes back, metres at 30 frames a second."""
 LEAST_STRETCH = 6  # least number of kept frames in a stretch between jumps that is smoothed
 
 
@@ -214,11 +216,16 @@ def steady(
 
 
 def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
-    """Frames with a position of a part's centre that possible motion reaches."""
+    """Frames with a position of a part's centre that possible motion reaches, and to which it does
+    not leap for a while, in the world or in a palm."""
     places = views.world.places
     limit = step_limit(np.diff(places, axis=0), PLACE_CHANGE, fps)
     limit = views.limit(limit, RigidMotion.place_changes)
-    return possible_places(places, limit, fps, ACCEPTED_SECONDS)
+    found = possible_places(places, limit, fps, ACCEPTED_SECONDS)
+    briefly = ACCEPTED_SECONDS - 1 / fps
+    for seen in (views.world, *views.from_calm_palms()):
+        found = found & ~there_and_back(seen.places, LEAP, fps, briefly)
+    return found
 
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:

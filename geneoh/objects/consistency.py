@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
+from geneoh.sequence.shots import COMPARED_STEPS, CUT_RATIO
 
 SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
 """Costs of a chain: per skipped frame, for a rotation as large as the limit, and per change of the
@@ -109,6 +110,37 @@ def possible_places(
         if best is not None:
             rate[frame] = moved[best] / apart[best] if deviation[best] < reach[best] else 0
     return chains.longest()
+
+
+def there_and_back(
+    places: Float64[np.ndarray, "T 3"], leap: float, fps: float, lasting: float
+) -> Bool[np.ndarray, " T"]:
+    """Frames between a leap of a point and the leap back at most `lasting` seconds later, each of
+    more than `leap` metres at 30 frames a second.
+
+    A leap that is possible within a few frames is no fault for `possible_places`: these leaps are
+    told by the calm before, between and after them.
+    """
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    found = np.zeros(len(places), dtype=bool)
+    leaps = np.flatnonzero(steps > leap * max(1.0, 30 / fps)).tolist()
+    for leave, back in pairwise(leaps):
+        if back - leave <= lasting * fps and is_there_and_back(places, steps, leave, back):
+            found[leave + 1 : back + 1] = True
+    return found
+
+
+def is_there_and_back(
+    places: Float64[np.ndarray, "T 3"], steps: Float64[np.ndarray, " N"], leave: int, back: int
+) -> bool:
+    """Whether the steps after the frames `leave` and `back` lead away and back: both are larger
+    than those around them, with which a point gets from the one side to the other in that time."""
+    start = max(leave - COMPARED_STEPS, 0)
+    around = np.delete(steps[start : back + 1 + COMPARED_STEPS], [leave - start, back - start])
+    usual, leaps = around.max(initial=0.0), steps[[leave, back]]
+    apart = np.linalg.norm(places[back + 1] - places[leave])
+    possible = apart <= min(leaps.mean(), usual * (back - leave + 1))
+    return bool(possible and leaps.min() > CUT_RATIO * usual)
 
 
 def largest_bend(steps: Float[np.ndarray, "N 3"]) -> float:

@@ -5,7 +5,7 @@ frame of the palm that shakes it, the bottle rests, whereas noise remains. Where
 both placed by a camera whose own pose is noisy, they jitter alike, each beside noise of its own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,6 +164,11 @@ class Views:
         views = [(palm, world.as_seen_from(palm)) for palm in palms]
         long = [(palm, view) for palm, view in views if view.is_long]
         return cls(world, tuple(palm for palm, _ in long), tuple(view for _, view in long))
+
+    def from_calm_palms(self) -> Iterator[RigidMotion]:
+        """The motion in the frame of each palm without its white noise."""
+        for palm in self.palms:
+            yield self.world.as_seen_from(palm.without_noise())
 
     def turn_noise(self, summary: Summary = np.median) -> float:
         """Standard deviation per axis of the part's own rotational white noise, radians: the least

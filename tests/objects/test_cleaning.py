@@ -12,6 +12,7 @@ from geneoh.errors import numbered
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_poses
+from geneoh.objects.palms import RigidMotion
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES, FPS = 150, 30.0
@@ -269,6 +270,23 @@ def test_places_that_no_motion_reaches_are_left_out(frames, shake):
     assert not shake or "shakes" in next(found.sentences())
     jumps = f"{numbered(frames, 'frame')} in which the pose of the object jumps, left out"
     assert jumps in found.sentences()
+
+
+@pytest.mark.parametrize("frames", [5, 15, 25])
+@pytest.mark.parametrize("carried", [False, True])
+def test_places_to_which_an_object_leaps_for_a_while_are_left_out(frames, carried):
+    motion = lifted(WEDGE)
+    time = np.arange(FRAMES) / FPS
+    swung = 0.25 * np.stack([np.sin(4 * time), np.cos(4 * time), 0 * time], axis=1)
+    motion = track_of(WEDGE, np.tile(np.eye(3), (FRAMES, 1, 1)), swung) if carried else motion
+    hand = swung + 0.005 * np.random.default_rng(0).standard_normal((FRAMES, 3))
+    palm = RigidMotion(Rotation.identity(FRAMES), hand, np.ones(FRAMES, dtype=bool))
+    translation = motion.translation.clone()
+    start = 60 if carried else 105  # where it rests
+    translation[start : start + frames] += torch.tensor([0.04, 0.03, 0.0])
+    given = replace(motion, translation=translation)
+    found = clean_object(given, FPS, (palm,) if carried else ())[1]
+    assert np.flatnonzero(found.left_out[:, 0].numpy()).tolist() == [*range(start, start + frames)]
 
 
 def test_a_place_that_lasts_is_believed():

@@ -8,7 +8,6 @@ missing ones.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import numbered
-from geneoh.objects.consistency import longest_chain, possible_places
+from geneoh.objects.consistency import longest_chain, possible_places, there_and_back
 from geneoh.objects.palms import RigidMotion, palm_at
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
@@ -29,7 +28,7 @@ from geneoh.sequence.gaps import filled_keypoints, observed_around
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.lines import on_lines
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.shots import COMPARED_STEPS, CUT_RATIO, SHOT_SECONDS, paths_of, shots_of
+from geneoh.sequence.shots import SHOT_SECONDS, paths_of, shots_of
 from geneoh.sequence.windows import runs
 
 FEWEST_OBSERVED = 5  # observed frames that are needed to distinguish faults from motion
@@ -224,31 +223,9 @@ def away(track: KeypointTrack) -> Bool[Tensor, " T"]:
     told by the calm before, between and after them.
     """
     middles = [palm.places for palm in track.palms]
-    return track.in_all(middles, lambda middle: there_and_back(middle, track.fps))
-
-
-def there_and_back(middle: Float[np.ndarray, "N 3"], fps: float) -> Bool[np.ndarray, " N"]:
-    """`away` for the positions of a palm in one view, metres."""
-    steps = np.linalg.norm(np.diff(middle, axis=0), axis=1)
-    found = np.zeros(len(middle), dtype=bool)
-    leaps = np.flatnonzero(steps > AWAY_LEAP * max(1.0, 30 / fps)).tolist()
-    for leave, back in pairwise(leaps):
-        if back - leave <= SHOT_SECONDS * fps and is_there_and_back(middle, steps, leave, back):
-            found[leave + 1 : back + 1] = True
-    return found
-
-
-def is_there_and_back(
-    middle: Float[np.ndarray, "N 3"], steps: Float[np.ndarray, " M"], leave: int, back: int
-) -> bool:
-    """Whether the steps after the frames `leave` and `back` lead away and back: both are larger
-    than those around them, with which the hand gets from the one side to the other in that time."""
-    start = max(leave - COMPARED_STEPS, 0)
-    around = np.delete(steps[start : back + 1 + COMPARED_STEPS], [leave - start, back - start])
-    usual, leaps = around.max(initial=0.0), steps[[leave, back]]
-    apart = np.linalg.norm(middle[back + 1] - middle[leave])
-    possible = apart < min(leaps.mean(), usual * (back - leave + 1))
-    return bool(possible and leaps.min() > CUT_RATIO * usual)
+    return track.in_all(
+        middles, lambda middle: there_and_back(middle, AWAY_LEAP, track.fps, SHOT_SECONDS)
+    )
 
 
 def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
