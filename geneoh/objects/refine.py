@@ -19,7 +19,6 @@ from scipy import sparse
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
-from torch import Tensor
 
 from geneoh.objects.cleaning import steadiest, symmetry_of
 from geneoh.objects.drift import DRIFT_SECONDS, size_of_drift
@@ -41,7 +40,7 @@ from geneoh.objects.holding import (
 from geneoh.objects.palms import palm_of, world_path
 from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.windows import runs
+from geneoh.sequence.windows import in_long_runs
 
 FREE_DRIFT = 0.3
 """Standard deviation of the drift where the object neither rests nor is held, in units of the
@@ -73,19 +72,12 @@ def refine_object(
         rotation[chosen, part] = torch.from_numpy(turns).to(rotation)[chosen]
         translation[chosen, part] = torch.from_numpy(places).to(translation)[chosen]
     found = replace(smooth, rotation=rotation, translation=translation)
-    gaps = lost & unsure & ~examined.left_out
-    gaps = torch.stack([in_long_runs(each, BRIDGED * fps) for each in gaps.T], 1)
-    found = held_in_gaps(replace(found, valid=~gaps), map(palm_of, hands))
+    gaps = (lost & unsure & ~examined.left_out).cpu().numpy()
+    long = np.stack([in_long_runs(part, BRIDGED * fps) for part in gaps.T], 1)
+    known = torch.from_numpy(~long).to(lost.device)
+    found = held_in_gaps(replace(found, valid=known), map(palm_of, hands))
     valid = None if smooth.valid is None else smooth.valid.any(0).expand_as(smooth.valid)
     return replace(found, valid=valid)
-
-
-def in_long_runs(chosen: Bool[Tensor, " T"], frames: float) -> Bool[Tensor, " T"]:
-    """The chosen frames that stand in runs of more than a number of frames."""
-    found = torch.zeros_like(chosen)
-    for run in runs(chosen.cpu().numpy()):
-        found[run] = run.stop - run.start > frames
-    return found
 
 
 def refine_part(

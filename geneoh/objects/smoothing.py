@@ -17,7 +17,7 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
-from geneoh.sequence.windows import runs
+from geneoh.sequence.windows import in_long_runs
 
 CHI3_MEDIAN = 1.538  # median length of a vector of three standard normal variables
 FREEDOM = 4.0  # degrees of freedom of Student's t: outliers of 5 standard deviations weigh 0.1
@@ -27,7 +27,7 @@ WINDOW = 9  # frames over which accelerations are averaged
 LEAST_ACCELERATION = 0.05  # floor of the acceleration in units of the noise, for conditioning
 FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3  # window and floor for the initial, noisy track
 MEDIAN_FRAMES = 5  # window of the median filter for the initial weights, frames
-LONGEST_BRIDGE = 12
+LONGEST_BRIDGE = 12.0
 """Frames of a gap up to which motion is taken to go on evenly through it."""
 FREE_RATIO = 1e4
 """Variance of accelerations in longer gaps, in units of the largest one elsewhere."""
@@ -95,7 +95,7 @@ def smooth_points(
     become any other there.
     """
     track, weight = _smoothed(observed, trusted, noise)
-    unknown = in_long_gaps(trusted)
+    unknown = in_long_runs(~trusted, LONGEST_BRIDGE)
     if unknown.any():
         free = np.asarray(sliding_window_view(unknown, 3).any(1))
         stretches, weight = _smoothed(observed, trusted, noise, free)
@@ -126,14 +126,6 @@ def _smoothed(
         bends = np.square(np.diff(track, n=2, axis=0)).mean(1)
         variance = uniform_filter1d(bends, WINDOW) + (LEAST_ACCELERATION * noise) ** 2
     return track, weight
-
-
-def in_long_gaps(trusted: Bool[np.ndarray, " T"]) -> Bool[np.ndarray, " T"]:
-    """The frames of gaps that are longer than `LONGEST_BRIDGE`."""
-    found = np.zeros(len(trusted), dtype=bool)
-    for gap in runs(~trusted):
-        found[gap] = gap.stop - gap.start > LONGEST_BRIDGE
-    return found
 
 
 def _weights(

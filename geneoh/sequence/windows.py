@@ -19,6 +19,14 @@ def runs(chosen: Bool[np.ndarray, " T"]) -> list[slice]:
     return [slice(start, stop) for start, stop in edges.reshape(-1, 2).tolist()]
 
 
+def in_long_runs(chosen: Bool[np.ndarray, " T"], longest: float) -> Bool[np.ndarray, " T"]:
+    """The chosen frames in runs of more than `longest` consecutive ones."""
+    found = np.zeros(len(chosen), dtype=bool)
+    for run in runs(chosen):
+        found[run] = run.stop - run.start > longest
+    return found
+
+
 def blocks(frames: int) -> list[slice]:
     """The frames of a track, `BLOCK` at a time."""
     return [slice(at, min(at + BLOCK, frames)) for at in range(0, frames, BLOCK)]
