@@ -25,7 +25,7 @@ class Mover:
     @classmethod
     def of(cls, palm: RigidMotion, like: Tensor) -> "Mover":
         """The palm on the device of a tensor."""
-        calm = palm.without_noise()
+        calm = palm.without_noise
         turns, places = torch.from_numpy(calm.turns.as_matrix()), torch.from_numpy(calm.places)
         pose = Rigid(turns.to(like.device), places.to(like.device))
         return cls(pose, NOISE_LEFT * palm.place_noise())

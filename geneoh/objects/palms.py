@@ -7,6 +7,7 @@ both placed by a camera whose own pose is noisy, they jitter alike, each beside 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -70,6 +71,7 @@ class RigidMotion:
         """Standard deviation of the position's white noise per axis, metres; see `noise_level`."""
         return noise_level(self.places, self.seen, summary)
 
+    @cached_property
     def without_noise(self) -> "RigidMotion":
         """The motion without its white noise; the same one if it is seen too briefly."""
         if self.seen.sum() < LEAST_FRAMES:
@@ -168,7 +170,7 @@ class Views:
     def from_calm_palms(self) -> Iterator[RigidMotion]:
         """The motion in the frame of each palm without its white noise."""
         for palm in self.palms:
-            yield self.world.as_seen_from(palm.without_noise())
+            yield self.world.as_seen_from(palm.without_noise)
 
     def turn_noise(self, summary: Summary = np.median) -> float:
         """Standard deviation per axis of the part's own rotational white noise, radians: the least

@@ -44,7 +44,7 @@ def without_seeming_turns(
     The same track object if there are none. `palms` are those of the input hands."""
     if len(motion.rotation) < LEAST_FRAMES:
         return motion, ()
-    smooth = tuple(palm.without_noise() for palm in palms)
+    smooth = tuple(palm.without_noise for palm in palms)
     rotation, translation, notes = motion.rotation.clone(), motion.translation.clone(), []
     for part in motion.seen_parts:
         mesh, seen = motion.meshes[part], motion.observed[:, part].cpu().numpy()
@@ -110,7 +110,7 @@ def moved_along(
 ) -> Turns:
     """Rotations of a part that turns about its axis, a ball about its centre, as that does which it
     moves with: the world or a palm, weighted by how little it moves in their frames."""
-    middle = part.without_noise().places
+    middle = part.without_noise.places
     points, axes = middle[:, None], None
     if symmetry.axis is not None:
         axes = directions(part, symmetry.axis)
