@@ -6,7 +6,7 @@ it was made from. An interrupted run resumes after the last complete shard.
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,20 +18,17 @@ from torch import Tensor
 
 from geneoh.config import Limited, Limits
 from geneoh.denoisers.surface_points import surface_points
-from geneoh.errors import GeneOHError, InputError
-from geneoh.files.fingerprints import are_as_recorded, files_at, records_of
-from geneoh.files.reading import noted_reads
-from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
+from geneoh.errors import InputError
+from geneoh.files.tensors import opened_tensors
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import MESH_SUFFIXES
 from geneoh.geometry.sampling import PartSamples, sample_surface
 from geneoh.hand.library import load_hand
-from geneoh.hand.mano import mano_files
 from geneoh.objects.camera_motion import in_steady_world
 from geneoh.objects.carrying import with_held_part_first
-from geneoh.progress import OnStep, steps
+from geneoh.progress import OnStep
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name, paths_matching
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz.files import load
@@ -42,11 +39,10 @@ from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import runs
 from geneoh.synthesis.shapes.solids import PARTS
+from geneoh.training.kept_shards import Contents, files_of_clip, kept_shards
 
 FORMAT = 1  # of the shards; raised where the same files give other clips
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
-PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
-"""Endings of files from which no reader reads hands."""
 
 
 @dataclass(frozen=True)
@@ -73,15 +69,10 @@ class ClipRecord:
 
 @dataclass(frozen=True)
 class RecordedShard:
-    """The record of a shard: its clips, and the config and files it was made from."""
+    """What the record of a shard says of its clips."""
 
-    config: ClipConfig
-    files: dict[str, tuple[int, str]]
-    """Size and SHA-256 of each file of the clip (by its path below the clip's folder), of the MANO
-    files (by name), and of all others that were read (by absolute path)."""
     clips: tuple[ClipRecord, ...]
     left_out: dict[str, int]  # numbers of unused frames, by reason
-    format: int = FORMAT
 
 
 def _clips_of(source: str, path: Path) -> list[SourceClip]:
@@ -125,57 +116,22 @@ def make_shards(
     *,
     on_step: OnStep | None = None,
 ) -> tuple[list[Path], list[str]]:
-    """Make the shards of a source that are missing in `folder`, or whose files changed.
-
-    Returns the paths of the shards, and a message for each clip that could not be read.
-
-    Raises:
-        InputError: no clip of the source can be read; the message is that of the first clip.
-    """
-    return written_shards(
+    """The shards of the clips of a source; results and errors are those of `kept_shards`."""
+    return kept_shards(
         _clips_of(source, path),
         folder,
-        lambda shard, clip: is_fresh(shard, clip, config, options),
-        lambda shard, clip: write_shard(shard, source, clip, config, options),
+        {"config": asdict(config), "format": FORMAT},
+        lambda clip: files_of_clip(clip, options),
+        lambda clip: cut_clip(source, clip, config, options),
         on_step,
     )
 
 
-def written_shards(
-    clips: Sequence[SourceClip],
-    folder: Path,
-    is_whole: Callable[[Path, SourceClip], bool],
-    write: Callable[[Path, SourceClip], None],
-    on_step: OnStep | None,
-) -> tuple[list[Path], list[str]]:
-    """Write the shard of each clip unless `is_whole` accepts the existing file; see `make_shards`
-    for the results and errors."""
-    shards: list[Path] = []
-    problems: list[str] = []
-    for clip in steps(clips, on_step):
-        # clip names contain no dot, so that no two clips share a file
-        shard = folder / f"{clip.name.replace('/', '.')}.safetensors"
-        try:
-            if not is_whole(shard, clip):
-                write(shard, clip)
-            shards.append(shard)
-        except GeneOHError as error:
-            problems.append(f"{clip.name}: not read, {error}")
-    if not shards:
-        more = f" (none of {len(problems)} clips can be read)" if len(problems) > 1 else ""
-        raise InputError(problems[0] + more)
-    return shards, problems
-
-
-def write_shard(
-    shard: Path, source: str, clip: SourceClip, config: ClipConfig, options: ReaderOptions
-) -> None:
-    """Cut the recordings of one clip of a source and write the shard atomically."""
+def cut_clip(source: str, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> Contents:
+    """What the shard of one clip of a source holds; see `RecordedShard`."""
     cuts: list[tuple[ClipRecord, dict[str, Tensor]]] = []
     left_out: Counter[str] = Counter()
-    with noted_reads() as read:
-        recordings = read_recordings(source, clip, options)
-    for recording in recordings:
+    for recording in read_recordings(source, clip, options):
         parts = len(recording.sequence.object.meshes)
         if not 1 <= parts <= PARTS:
             raise InputError(
@@ -185,11 +141,9 @@ def write_shard(
             )
         for hand in normalised_hands(in_steady_world(recording.sequence)):
             cuts += cut_hand(recording, hand, config, left_out)
-    files = records_of(with_reads(files_of(clip, options), read))
-    record = RecordedShard(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
-    write_tensors(shard, tensors, asdict(record), parents=True)
+    return tensors, asdict(RecordedShard(tuple(cut for cut, _ in cuts), dict(left_out)))
 
 
 def cut_hand(
@@ -283,41 +237,9 @@ def identity(betas: Float[Tensor, " S"] | None) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def files_of(clip: SourceClip, options: ReaderOptions) -> list[tuple[str, Path]]:
-    """The files on which the hands of a clip may depend: those of the clip except pictures, named
-    by their path below its folder, and the user's MANO files."""
-    models = [] if options.mano_dir is None else mano_files(options.mano_dir)
-    base = clip.path if clip.path.is_dir() else clip.path.parent
-    files = ((file.relative_to(base).as_posix(), file) for file in files_at(clip.path))
-    kept = ((name, file) for name, file in files if file.suffix.lower() not in PICTURES)
-    return [*kept, *((file.name, file) for file in models)]
-
-
-def with_reads(files: list[tuple[str, Path]], read: set[Path]) -> list[tuple[str, Path]]:
-    """Named files, and by path those that were read besides."""
-    known = {file.absolute() for _, file in files}
-    others = sorted(file for file in read - known if file.is_file())
-    return [*files, *((str(file), file) for file in others)]
-
-
-def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig, options: ReaderOptions) -> bool:
-    """Whether a complete shard exists that was made with this config from the files as they are.
-
-    Files that are newer than the shard are compared by content, others only by size.
-    """
-    record = recorded_shard(shard)
-    if record is None or (record.config, record.format) != (config, FORMAT):
-        return False
-    return are_as_recorded(files_of(clip, options), record.files, shard)
-
-
-def recorded_shard(shard: Path) -> RecordedShard | None:
-    """The record of a shard; None if the file is missing, damaged, or of another version."""
-    try:
-        with opened_tensors(shard) as (_, found):
-            clips = tuple(ClipRecord(**clip) for clip in found["clips"])
-            files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
-            config, version = ClipConfig(**found["config"]), found.get("format", 0)
-            return RecordedShard(config, files, clips, found["left_out"], version)
-    except (OSError, DamagedTensorsError):
-        return None
+def recorded_shard(shard: Path) -> RecordedShard:
+    """What the record of a shard that `make_shards` has checked or made says of its clips."""
+    with opened_tensors(shard) as (_, found):
+        return RecordedShard(
+            tuple(ClipRecord(**clip) for clip in found["clips"]), found["left_out"]
+        )

@@ -384,9 +384,7 @@ def test_clips_to_learn_from_are_cut_in_the_world(seen_file, monkeypatch):
     seen: list[Sequence] = []
     monkeypatch.setattr(recordings, "normalised_hands", lambda given: seen.append(given) or [])
     clip = SourceClip("clip", seen_file)
-    recordings.write_shard(
-        seen_file.with_suffix(".safetensors"), "sequences", clip, ClipConfig(), ReaderOptions()
-    )
+    recordings.cut_clip("sequences", clip, ClipConfig(), ReaderOptions())
     assert_in_world(seen[0])
 
 

@@ -16,9 +16,7 @@ from torch import Tensor
 from geneoh.bundle import concatenated
 from geneoh.choices import ANNOTATED, AnnotatedSource
 from geneoh.errors import ConfigError, InputError
-from geneoh.files.fingerprints import are_as_recorded, records_of
-from geneoh.files.reading import noted_reads
-from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
+from geneoh.files.tensors import all_tensors, opened_tensors
 from geneoh.generators.text2hoi.learning.recorded import RecordedConfig, action_of, surface_of
 from geneoh.generators.text2hoi.learning.samples import ActionData
 from geneoh.generators.text2hoi.sentences.annotation import has_labels, label_files, labels_of
@@ -31,7 +29,7 @@ from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
 from geneoh.synthesis.actions.action import Actions
 from geneoh.training.data import Learned, TrainingData, made_data
-from geneoh.training.recordings import files_of, with_reads, written_shards
+from geneoh.training.kept_shards import Contents, files_of_clip, kept_shards
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
@@ -168,42 +166,26 @@ class Recordings:
                 f"{path}: expected labels of actions in action_label of camera 4, found none among "
                 f"{len(clips)} clips; download the labels of all views"
             )
-        return written_shards(labelled, folder, self.is_fresh, self.write, on_step)
-
-    def is_fresh(self, shard: Path, clip: SourceClip) -> bool:
-        """Whether a shard exists, is undamaged, and has these settings and the current files."""
-        try:
-            with opened_tensors(shard) as (_, record):
-                if any(record.get(name) != value for name, value in self.wanted.items()):
-                    return False
-                files = {name: (size, content) for name, (size, content) in record["files"].items()}
-                return are_as_recorded(self.files(clip), files, shard)
-        except (OSError, DamagedTensorsError):
-            return False
+        return kept_shards(labelled, folder, self.wanted, self.files, self.contents, on_step)
 
     def files(self, clip: SourceClip) -> list[tuple[str, Path]]:
         """The files that the actions of a recording are made from, by name."""
         labels = ((path.name, path) for path in label_files(self.source, clip))
-        return [*files_of(clip, self.options), *labels]
+        return [*files_of_clip(clip, self.options), *labels]
 
-    def write(self, shard: Path, clip: SourceClip) -> None:
-        """Write the labelled actions of one recording, whole or not at all."""
+    def contents(self, clip: SourceClip) -> Contents:
+        """The labelled actions of one recording, their labels, and how many were left out."""
         found: list[Actions] = []
         labels: list[dict[str, str]] = []
         left_out: Counter[str] = Counter()
-        with noted_reads() as read:
-            for action, label in self.cut(clip):
-                if isinstance(action, str):
-                    left_out[action] += 1
-                else:
-                    found.append(action)
-                    labels.append(label)
-        record = self.wanted | {
-            "files": records_of(with_reads(self.files(clip), read)),
-            "labels": labels,
-            "left_out": dict(left_out),
-        }
-        write_tensors(shard, vars(concatenated(found, "B")) if found else {}, record, parents=True)
+        for action, label in self.cut(clip):
+            if isinstance(action, str):
+                left_out[action] += 1
+            else:
+                found.append(action)
+                labels.append(label)
+        tensors = vars(concatenated(found, "B")) if found else {}
+        return tensors, {"labels": labels, "left_out": dict(left_out)}
 
     def cut(self, clip: SourceClip) -> Iterator[tuple[Actions | str, dict[str, str]]]:
         """Each labelled stretch of a recording as an action, or the reason why it is not used."""
