@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from geneoh.baselines.networks import RegressionDenoiser, TochAutoencoder
 from geneoh.choices import StageName
-from geneoh.config import as_dict
 from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.relations import RelationDenoiser
@@ -124,12 +123,10 @@ class StageTask(Task):
         batch, generator = self.batch(self.validation, "validation", index, device=device)
         return losses.recovered_fraction(model, batch, generator=generator)
 
-    def record(self) -> dict[str, Any]:
-        """Stage, config, fingerprints of the data and of MotionDiff, and how the data was made."""
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the data and of MotionDiff, and how the data was made."""
         motion = self.motion_denoiser
         return {
-            "stage": self.name,
-            "config": as_dict(self.config),
             "sequences": len(self.data),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),

@@ -59,9 +59,14 @@ class Task:
         """The error of a network on a fixed validation batch."""
         raise NotImplementedError
 
-    def record(self) -> dict[str, Any]:
-        """Stage, config and fingerprints of the data for a checkpoint; see `resume.COMPARED`."""
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the data and of networks that this one builds on, and how the data was
+        made, for the record; see `resume.COMPARED`."""
         raise NotImplementedError
+
+    def record(self) -> dict[str, Any]:
+        """Name, config, and what the network learns from, for a checkpoint."""
+        return {"stage": self.name, "config": as_dict(self.config), **self.learned_from()}
 
 
 @contextmanager
@@ -121,10 +126,6 @@ class SamplesTask(Task):
         """The items `own` of a batch, in pieces, seeded by config and `parts` (purpose, number)."""
         raise NotImplementedError
 
-    def learned_from(self) -> dict[str, Any]:
-        """Fingerprints of the data and of networks that this one builds on, for the record."""
-        raise NotImplementedError
-
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[SamplesPiece]:
         """This process's part of a step's batch, in pieces whose gradients are accumulated."""
         own = own_part(self.config, team)
@@ -137,8 +138,3 @@ class SamplesTask(Task):
         whole = Part(0, self.config.batch, self.config.batch)
         ((samples, draws),) = self.drawn(False, whole, 1, "validation", index)
         return self.loss(model, samples.to(next(model.parameters()).device), draws)
-
-    def record(self) -> dict[str, Any]:
-        """Name, config, fingerprints (`learned_from`), and how the data was made."""
-        named = {"stage": self.name, "config": as_dict(self.config)}
-        return {**named, **self.learned_from(), "made": self.data.record}

@@ -14,7 +14,6 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from geneoh.config import as_dict
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions.action import VERBS, Actions
@@ -124,11 +123,9 @@ class ClassifierTask(Task):
         wrong = model(clip_inputs(clips)).argmax(-1) != clips.verb
         return wrong.double().mean()
 
-    def record(self) -> dict[str, Any]:
-        """The configuration and fingerprints of the clips."""
+    def learned_from(self) -> dict[str, Any]:
+        """The number and fingerprints of the clips."""
         return {
-            "stage": self.name,
-            "config": as_dict(self.config),
             "clips": len(self.clips.verb),
             "data": _data_digest(self.clips),
             "validation": _data_digest(self.validation),

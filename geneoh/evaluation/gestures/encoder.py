@@ -20,7 +20,6 @@ from torch.nn.functional import cross_entropy, normalize
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.bundle import Bundle, concatenated
-from geneoh.config import as_dict
 from geneoh.evaluation.generation.classifier import even_frames
 from geneoh.generators.both2hands.features import BODY, HANDS, body_features, hand_features, placed
 from geneoh.generators.text import SentenceConfig, SentenceNetwork, learned_pieces, sentence_numbers
@@ -211,12 +210,10 @@ class EncoderTask(Task):
         found = retrieval(texts, model.motions(seen), 1, pool=POOL, generator=generator)
         return torch.tensor(1 - found, dtype=torch.float64)
 
-    def record(self) -> dict[str, Any]:
-        """The configuration, the vocabulary and fingerprints of the clips."""
+    def learned_from(self) -> dict[str, Any]:
+        """The vocabulary, and the number and fingerprints of the clips."""
         data, validation = (digest([c.gesture, c.root]) for c in (self.clips, self.validation))
         return {
-            "stage": self.name,
-            "config": as_dict(self.config),
             "tokenizer": self.tokenizer.to_str(),
             "clips": len(self.clips.body),
             "data": data,

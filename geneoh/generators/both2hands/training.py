@@ -172,6 +172,7 @@ class HandsTask(SamplesTask):
             ),
             "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
+            "made": self.data.record,
         }
 
 

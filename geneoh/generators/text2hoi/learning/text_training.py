@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from geneoh.choices import HANDS, HandsName
-from geneoh.config import as_dict, check_limits
+from geneoh.config import check_limits
 from geneoh.generators.text import TextConfig, TextNetwork, marked, piece_numbers, words_of
 from geneoh.generators.text2hoi.sentences import captions
 from geneoh.generators.text2hoi.sentences.captions import Sentences, caption, draw_sentences
@@ -116,14 +116,9 @@ class TextTask(SamplesTask):
         right = accuracy(model, self.tokenizer, kind, generator=generator)
         return torch.tensor(1 - sum(right) / 2)
 
-    def record(self) -> dict[str, Any]:
-        """Stage, config, and the tokenizer, without which the weights mean nothing."""
-        return {
-            "stage": self.name,
-            "config": as_dict(self.config),
-            "tokenizer": self.tokenizer.to_str(),
-            "classes": captions.CLASSES,
-        }
+    def learned_from(self) -> dict[str, Any]:
+        """The tokenizer and the classes, without which the weights mean nothing."""
+        return {"tokenizer": self.tokenizer.to_str(), "classes": captions.CLASSES}
 
 
 @torch.no_grad()

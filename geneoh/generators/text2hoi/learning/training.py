@@ -94,7 +94,7 @@ class ActionTask(SamplesTask):
         weights = {
             name: each and digest(each.state_dict().values()) for name, each in before.items()
         }
-        return actions_record(self.data, self.encoder) | weights
+        return actions_record(self.data, self.encoder) | weights | {"made": self.data.record}
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class LengthTask(SamplesTask):
 
     def learned_from(self) -> dict[str, Any]:
         """Fingerprints of the actions and of the text encoder."""
-        return actions_record(self.data, self.encoder)
+        return {**actions_record(self.data, self.encoder), "made": self.data.record}
 
 
 def take_points(network: InteractionNetwork, contact: ContactNetwork) -> None:
