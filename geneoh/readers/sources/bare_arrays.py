@@ -91,10 +91,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     place = record.array("trans", ("T", 3))
     hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
     if "columns" in record:
-        notes = (
-            *notes,
-            "its columns are taken for pose (48), trans (3) and betas (10), in this order",
-        )
+        notes = (*notes, IN_ORDER)
     if options.mean_pose is None:
         notes = (*notes, "the pose is taken as absolute axis-angle vectors, not PCA coefficients")
     yield base.ClipParts(
