@@ -124,9 +124,10 @@ Score = Callable[[ScoredClips, ScoredClips, torch.Generator], float]
 """A score as a function of clips, other real clips, and a generator for random pairs."""
 
 
-def _mean(key: str, scale: float = 1.0) -> Score:
-    """The mean of a measure over the clips in which it is not NaN."""
-    return lambda part, _, __: scale * float(getattr(part.measures, key).nanmean())
+def _mean(measure: Measure) -> Score:
+    """The mean of a measure over the clips in which it is not NaN; shares as percentages."""
+    scale = 100.0 if measure.unit == "%" else 1.0
+    return lambda part, _, __: scale * float(getattr(part.measures, measure.key).nanmean())
 
 
 SCORES: dict[str, Score] = {
@@ -136,11 +137,6 @@ SCORES: dict[str, Score] = {
     "multimodality": lambda part, _, drawn: multimodality(
         part.features, part.verb, generator=drawn
     ),
-    "realism": _mean("realism", 100.0),
-    "moved_alone": _mean("moved_alone", 100.0),
-    "depth_mm": _mean("depth_mm"),
-    "deepest_mm": _mean("deepest_mm"),
-    "contact": _mean("contact", 100.0),
-    "acceleration_mm": _mean("acceleration_mm"),
+    **{measure.key: _mean(measure) for measure in MEASURES[4:]},
 }
 """The function of each measure of the table, by its key."""
