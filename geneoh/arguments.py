@@ -1,4 +1,4 @@
-"""Arguments of public functions, checked against the annotations."""
+"""What public functions share: arguments that are checked, and calls apart from torch's modes."""
 
 import inspect
 import types
@@ -11,6 +11,7 @@ from typing_extensions import ParamSpec
 
 from geneoh.config import as_field_type, closest_name, plain_number
 from geneoh.errors import ConfigError
+from geneoh.modes import undisturbed
 
 Options = TypeVar("Options")
 Parameters = ParamSpec("Parameters")
@@ -18,7 +19,8 @@ Result = TypeVar("Result")
 
 
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Decorate a public function to check its arguments against their annotations.
+    """Decorate a public function to check its arguments against their annotations, and to run it
+    `undisturbed` by the caller's modes.
 
     Paths, numbers, texts, choices and callables are checked; `ConfigError` names a wrong argument,
     or one that the function does not have.
@@ -36,7 +38,8 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
         for name in bound.arguments.keys() & plain.keys():
             bound.arguments[name] = value = plain_number(bound.arguments[name])
             as_field_type(value, plain[name], f"geneoh.{function.__name__}", name)
-        return function(*bound.args, **bound.kwargs)
+        with undisturbed():
+            return function(*bound.args, **bound.kwargs)
 
     return checked
 

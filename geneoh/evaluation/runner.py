@@ -30,7 +30,6 @@ from geneoh.files.fingerprints import file_digest, file_digests, package_version
 from geneoh.files.journal import SCORED, append_journal, begin_journal, only_run_in, read_journal
 from geneoh.files.outputs import is_ours, keep_others
 from geneoh.hand.library import load_hand
-from geneoh.modes import undisturbed
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_page
 from geneoh.workers.pool import results_of
@@ -47,7 +46,6 @@ Work = tuple[Case, tuple[Method, ...]]  # a case and the methods still to be sco
 
 
 @checked_call
-@undisturbed()
 def evaluate(
     options: EvaluationOptions | Dataset,
     folder: Path | str,

@@ -22,7 +22,6 @@ from geneoh.geometry.mesh_formats import (
 )
 from geneoh.geometry.polygons import cut_within, obj_polygons, ply_polygons
 from geneoh.interrupts import interrupts_wait
-from geneoh.modes import undisturbed
 
 if TYPE_CHECKING:
     import trimesh
@@ -32,7 +31,6 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 
 
 @checked_call
-@undisturbed()
 def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 

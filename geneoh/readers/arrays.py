@@ -13,7 +13,6 @@ from geneoh.bundle import unmasked
 from geneoh.choices import SIDES
 from geneoh.errors import InputError
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
-from geneoh.modes import undisturbed
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, dates_in, is_column, length_of
 from geneoh.readers.npz.files import sequence_in
 from geneoh.readers.npz.layouts import (
@@ -39,7 +38,6 @@ NAMES = (*FIELDS, *CLOCK_NAMES)
 
 
 @checked_call
-@undisturbed()
 def from_arrays(
     *, fps: float | int | None = None, meshes: MeshInput = (), source: str = "arrays", **arrays: Any
 ) -> Sequence:

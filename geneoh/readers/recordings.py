@@ -14,7 +14,6 @@ from geneoh.files.journal import CLEANED, CONVERTED, results_in
 from geneoh.files.outputs import lies_within
 from geneoh.files.reading import refuse_missing
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
-from geneoh.modes import undisturbed
 from geneoh.readers.base import (
     OF_SOME,
     ReaderOptions,
@@ -33,7 +32,6 @@ from geneoh.sequence.validation import check_sequence
 
 
 @checked_call
-@undisturbed()
 def read(source: str, path: Path | str, *, clip: str | None = None, **options: Any) -> Sequence:
     """Read one recording of a data set or an estimator, as `geneoh denoise --from` does.
 

@@ -22,7 +22,6 @@ from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.npz import Arrays
 from geneoh.hand.mano import MANO_NAMES, refuse_without_mano
-from geneoh.modes import undisturbed
 from geneoh.pipeline.results import (
     FROM_ARRAYS,
     Denoised,
@@ -51,7 +50,6 @@ Viewable = Result | Sequence | Path | str  # in memory, or an npz file
 
 
 @checked_call
-@undisturbed()
 def view(
     result: Viewable,
     path: Path | str | None = None,

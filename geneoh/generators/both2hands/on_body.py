@@ -21,7 +21,6 @@ from geneoh.generators.both2hands.library import load_both2hands
 from geneoh.generators.both2hands.sampling import generate_hands
 from geneoh.generators.both2hands.sentences import check_sentence, ruled_out_words, unknown_words
 from geneoh.geometry.rotations import axis_angle_to_matrix, turn_up
-from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
@@ -107,7 +106,6 @@ class BodyWithHands(ByValue):
 
 
 @checked_call
-@undisturbed()
 def generate_on_body(
     sentence: str,
     body: BodyRecording | Path | str,

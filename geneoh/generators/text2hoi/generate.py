@@ -32,7 +32,6 @@ from geneoh.generators.text2hoi.sentences.prompt import JOINTED, Prompt, read_pr
 from geneoh.geometry.joint import Joint
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
-from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
@@ -113,7 +112,6 @@ class Generated(ByValue):
 
 
 @checked_call
-@undisturbed()
 def generate(
     sentence: str,
     mesh: MeshInput,

@@ -16,7 +16,6 @@ from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh
 from geneoh.geometry.mesh_files import MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED, mano_folder
-from geneoh.modes import undisturbed
 from geneoh.readers.base import Place, place_of
 from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
@@ -63,7 +62,6 @@ meaning, and what to drop if both are there."""
 
 
 @checked_call
-@undisturbed()
 def load(
     path: Path | str,
     *,
