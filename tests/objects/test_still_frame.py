@@ -22,11 +22,15 @@ from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 FRAMES = 60
-KETTLE = draw_clip("kettle", 0, FRAMES)
-"""A hand comes, lifts a kettle from frame 23 to 39 and goes."""
-CARRIED = draw_clip("kettle", 0, 150)[47:99]
-"""A hand that carries a kettle all the time."""
-DRAWER = draw_clip("drawer", 1, FRAMES)
+
+
+def kettle() -> Sequence:
+    """A hand comes, lifts a kettle from frame 23 to 39 and goes."""
+    return draw_clip("kettle", 0, FRAMES)
+
+
+def drawer() -> Sequence:
+    return draw_clip("drawer", 1, FRAMES)
 
 
 def head(sequence: Sequence) -> Rigid:
@@ -64,8 +68,9 @@ def test_the_speed_of_points_is_their_mean():
 
 
 @pytest.mark.parametrize("noise", ["clean", "gauss", "camera"])
-@pytest.mark.parametrize("clip", [KETTLE, DRAWER, example()], ids=["kettle", "drawer", "recording"])
-def test_a_camera_that_stands_still_is_left_as_it_is(clip, noise):
+@pytest.mark.parametrize("made", [kettle, drawer, example])
+def test_a_camera_that_stands_still_is_left_as_it_is(made, noise):
+    clip = made()
     if noise != "clean":
         clip = corrupt_sequence(clip, noise, generator=seeded_generator("still", noise))
     assert found(clip) is None
@@ -73,17 +78,17 @@ def test_a_camera_that_stands_still_is_left_as_it_is(clip, noise):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_someone_who_walks_with_an_object_does_not_move_the_camera(seed):
-    frames = [len(KETTLE.hands[0].valid) // 2] * FRAMES
-    time = torch.arange(FRAMES) / KETTLE.fps
+    frames = [len(kettle().hands[0].valid) // 2] * FRAMES
+    time = torch.arange(FRAMES) / kettle().fps
     way = torch.stack([2.0 * time, 0 * time, 0.03 * torch.sin(18 * time)], 1)
-    walks = placed(KETTLE[frames], Rigid(torch.eye(3).expand(FRAMES, 3, 3), way))
+    walks = placed(kettle()[frames], Rigid(torch.eye(3).expand(FRAMES, 3, 3), way))
     generator = seeded_generator("walks", seed)
     assert found(corrupt_sequence(walks, "camera", generator=generator)) is None
 
 
 @pytest.mark.parametrize("fps", [15.0, 30.0, 60.0, 120.0])
 def test_an_object_that_no_hand_moves_rests_in_the_still_frame(fps):
-    clip = at_rate(seen_by_head(KETTLE), fps)
+    clip = at_rate(seen_by_head(kettle()), fps)
     pose = found(clip)
     assert pose is not None
     moves = speed(placed(clip, pose)) * fps
@@ -95,7 +100,7 @@ def test_an_object_that_no_hand_moves_rests_in_the_still_frame(fps):
 
 
 def test_the_still_frame_is_that_of_the_first_frame_and_keeps_what_hand_and_object_do():
-    clip = seen_by_head(KETTLE)
+    clip = seen_by_head(kettle())
     pose = found(clip)
     torch.testing.assert_close(pose.rotation[0], torch.eye(3))
     torch.testing.assert_close(pose.translation[0], torch.zeros(3))
@@ -110,21 +115,21 @@ def test_the_still_frame_is_that_of_the_first_frame_and_keeps_what_hand_and_obje
 
 
 def test_the_part_that_no_hand_moves_shows_the_motion_of_the_camera():
-    motion, aside = KETTLE.object, torch.tensor([1.0, 0.0, 0.0])
+    motion, aside = kettle().object, torch.tensor([1.0, 0.0, 0.0])
     turns, places = motion.rotation[:1].expand_as(motion.rotation), motion.translation[:1] + aside
     both = ObjectTrack(
         motion.meshes * 2,
         torch.cat([motion.rotation, turns], dim=1),
         torch.cat([motion.translation, places.expand_as(motion.translation)], dim=1),
     )
-    clip = seen_by_head(replace(KETTLE, object=both))
+    clip = seen_by_head(replace(kettle(), object=both))
     still = placed(clip, found(clip)).object.translation
     assert shares(clip.hands, clip).max(0).tolist() == [1.0, 0.0]
     assert float((still[:, 1] - still[:1, 1]).norm(dim=-1).max()) < 5e-4
 
 
 def test_a_second_hand_that_moves_the_object_counts():
-    clip = seen_by_head(KETTLE)
+    clip = seen_by_head(kettle())
     far = replace(clip.hands[0].mirrored(), joints=clip.hands[0].joints + 1.0)
     for hands in ((far, clip.hands[0]), (clip.hands[0], far)):
         both = shares(hands, clip)
@@ -133,7 +138,7 @@ def test_a_second_hand_that_moves_the_object_counts():
 
 @pytest.mark.parametrize("start", [2, 18, 34])
 def test_a_hand_that_is_lost_while_it_holds_shows_no_camera(start):
-    clip = CARRIED
+    clip = draw_clip("kettle", 0, 150)[47:99]  # carried all the time
     assert found(clip) is None
     observed = torch.ones(clip.frames, dtype=torch.bool)
     observed[start : start + 15] = False
@@ -143,13 +148,13 @@ def test_a_hand_that_is_lost_while_it_holds_shows_no_camera(start):
 
 
 def test_an_object_whose_poses_are_unreliable_shows_no_motion_of_the_camera():
-    clip = seen_by_head(KETTLE)
+    clip = seen_by_head(kettle())
     assert found(clip, relied=0.5) is not None
     assert found(clip, relied=0.3) is None
 
 
 def test_a_hand_that_waits_while_something_else_moves_the_object_shows_no_camera():
-    clip = seen_by_head(KETTLE)
+    clip = seen_by_head(kettle())
     (hand,) = clip.hands
     waits = replace(hand, joints=hand.joints[:1].expand(FRAMES, -1, -1) + 0.1)
     assert found(replace(clip, hands=(waits,))) is None
@@ -157,8 +162,8 @@ def test_a_hand_that_waits_while_something_else_moves_the_object_shows_no_camera
 
 
 def test_camera_rays_turn_with_the_hand():
-    ray = torch.nn.functional.normalize(KETTLE.hands[0].joints[:, 0], dim=-1)
-    clip = replace(KETTLE, hands=(replace(KETTLE.hands[0], camera_ray=ray),))
+    ray = torch.nn.functional.normalize(kettle().hands[0].joints[:, 0], dim=-1)
+    clip = replace(kettle(), hands=(replace(kettle().hands[0], camera_ray=ray),))
     pose = head(clip)
     turned = placed(clip, pose).hands[0].camera_ray
     torch.testing.assert_close(turned, (pose.rotation @ ray[..., None])[..., 0])
@@ -167,10 +172,10 @@ def test_camera_rays_turn_with_the_hand():
 @pytest.mark.slow
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_moving_camera_makes_a_clean_hand_no_worse(mirrored):
-    clip = KETTLE
+    clip = kettle()
     if mirrored:
-        hands, motion = (KETTLE.hands[0].mirrored(),), KETTLE.object.mirrored()
-        clip = replace(KETTLE, hands=hands, object=motion)
+        hands, motion = (kettle().hands[0].mirrored(),), kettle().object.mirrored()
+        clip = replace(kettle(), hands=hands, object=motion)
     seen = seen_by_head(clip)
     result = denoise(seen, Options(preset="fast"))
     assert any("the camera moves" in note for note in result.notes)
@@ -184,7 +189,7 @@ def test_a_moving_camera_makes_a_clean_hand_no_worse(mirrored):
 
 @pytest.mark.slow
 def test_samples_of_another_rate_are_given_back_in_the_frame_of_the_camera():
-    seen = at_rate(seen_by_head(KETTLE), 60.0)
+    seen = at_rate(seen_by_head(kettle()), 60.0)
     result = denoise(seen, Options(preset="fast"))
     (hand,) = result.hands.values()
     truth = at_rate(seen, 30.0).hands[0].joints
