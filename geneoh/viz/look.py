@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor, zeros_like
 
-from geneoh.choices import AXES, CELL_LIMITS, COLOURINGS, STRIP_CELL, Axis, Colouring
-from geneoh.errors import ConfigError
+from geneoh.choices import CELL_LIMITS, STRIP_CELL, Axis, Colouring
+from geneoh.config import check_fields
 from geneoh.metrics.contact import TOUCH
 
 Colour = tuple[float, float, float]  # red, green and blue in sRGB, 0 to 1
@@ -35,13 +35,7 @@ class Look:
 
     def __post_init__(self) -> None:
         """Refuse choices that do not exist, and pictures that are too small or large."""
-        least, largest = CELL_LIMITS
-        if not least <= self.cell <= largest:
-            raise ConfigError(f"cell: expected {least} to {largest} pixels, got {self.cell}")
-        for name, choices in (("colouring", COLOURINGS), ("up", AXES)):
-            if (value := getattr(self, name)) not in choices:
-                known = ", ".join(choices)
-                raise ConfigError(f"{name}: expected one of {known}, got {value!r}; choose one")
+        check_fields(self, {"cell": CELL_LIMITS})
 
     @property
     def upward(self) -> Float[np.ndarray, " 3"]:

@@ -185,7 +185,7 @@ def test_a_hand_that_stands_in_for_manos_is_told(sequences, tmp_path, caplog):
 
 @pytest.mark.parametrize("cell", [5, 4096])
 def test_a_picture_of_an_impossible_size_is_refused(sequences, tmp_path, cell):
-    with pytest.raises(ConfigError, match=f"cell: expected 64 to 2048 pixels, got {cell}"):
+    with pytest.raises(ConfigError, match=f"'cell' must be 64 to 2048, got {cell}"):
         view(sequences[1], tmp_path / "a.png", cell=cell)
 
 
