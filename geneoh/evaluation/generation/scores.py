@@ -32,11 +32,13 @@ CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
 
 
-MEASURES = (
+OF_FEATURES = (
     Measure("accuracy", "top-3", "%", "more", "clips whose verb is among the classifier's best 3"),
     Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
     Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features", 2),
     Measure("multimodality", "mm.", "", "as real", "the same of 20 pairs with each verb", 2),
+)
+OF_CLIPS = (
     Measure("realism", "realism", "%", "more", "frames in which contacts can carry the object"),
     Measure("moved_alone", "alone", "%", "less", "moving frames with no keypoint within 2 cm"),
     Measure("depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex, mean", 2),
@@ -46,6 +48,7 @@ MEASURES = (
         "acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of the keypoints", 2
     ),
 )
+MEASURES = (*OF_FEATURES, *OF_CLIPS)
 
 
 @dataclass(frozen=True)
@@ -137,6 +140,6 @@ SCORES: dict[str, Score] = {
     "multimodality": lambda part, _, drawn: multimodality(
         part.features, part.verb, generator=drawn
     ),
-    **{measure.key: _mean(measure) for measure in MEASURES[4:]},
+    **{measure.key: _mean(measure) for measure in OF_CLIPS},
 }
 """The function of each measure of the table, by its key."""
