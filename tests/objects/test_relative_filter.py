@@ -5,8 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
+from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.palms import palm_of
 from geneoh.objects.relative_filter import LowPass, compared
+from geneoh.sequence.placing import placed
 from geneoh.sequence.sequence import Sequence
 from tools.noisy_objects.clips import clip_of, with_noisy_hand
 from tools.noisy_objects.filters import filtered_as, lag, smooth
@@ -61,6 +64,41 @@ def test_the_filter_of_an_object_is_found(name, within, noise):
     assert late.filter_of_part.delay == pytest.approx(7 / 3 * FRAME, abs=within)
     assert smoothed.filter_of_part.delay == pytest.approx(0, abs=within)
     assert smoothed.filter_of_part.variance**0.5 == pytest.approx(3 * FRAME, abs=within)
+
+
+def with_a_lid(name: str, strokes: int, stroke: float) -> Sequence:
+    """The hand of a clip that turns its object in place by so many strokes, radians, and goes back
+    after each while the object rests."""
+    held = torch.full((120,), 30)
+    clip = clip_of(name)
+    hands = tuple(replace(hand[held], betas=hand.betas) for hand in clip.hands)
+    grip = replace(clip, hands=hands, object=clip.object[held])
+    count, phase = torch.linspace(0, strokes, 121)[:-1].frac(), torch.linspace(0, strokes, 121)
+    forth, back = (eased(each) for each in (count / 0.6, (count - 0.65) / 0.3))
+    turns = stroke * (forth - back), stroke * (phase[:-1].floor() + forth)
+    up = torch.tensor([0.0, 0.0, 1.0])
+    middle = (
+        grip.object.rotation[0] @ clip.object.meshes[0].center() + grip.object.translation[0]
+    )[0]
+    moved = []
+    for angle in turns:
+        turn = axis_angle_to_matrix(angle[:, None] * up)
+        moved.append(placed(grip, Rigid(turn, middle - turn @ middle)))
+    return replace(moved[0], object=moved[1].object)
+
+
+def eased(share: torch.Tensor) -> torch.Tensor:
+    """From 0 to 1 without a sudden change of speed."""
+    inside = share.clamp(0, 1)
+    return inside**2 * (3 - 2 * inside)
+
+
+@pytest.mark.parametrize("name", ["mug", "ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply"])
+@pytest.mark.parametrize(("strokes", "stroke"), [(3, 1.0), (3, 0.5), (4, 0.7)])
+@pytest.mark.parametrize("noise", ["clean", "gauss", "drift"])
+def test_a_lid_that_a_hand_turns_by_several_grips_was_not_filtered(name, strokes, stroke, noise):
+    found = comparison(with_noisy_hand(with_a_lid(name, strokes, stroke), noise, 0))
+    assert found.filter_of_part is found.filter_of_palm is found.delay is None
 
 
 @pytest.mark.parametrize("noise", ["clean", "gauss"])
