@@ -4,7 +4,6 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +24,9 @@ from geneoh.readers.recordings import (
     read_clip,
     source_named,
 )
-from geneoh.readers.records import Notes
 from geneoh.sequence.sequence import Sequence
 
 LOG = logging.getLogger(__name__)
-MOST_WARNINGS = 1000
-"""Most warnings about one file that are kept."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +68,11 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
                 recordings = sequences_of(clip, batch.reading, options.mano_dir)
             inputs = fingerprints({clip.path, *read}) | inputs
             made = []
-            for name, sequence, notes in recordings:
+            for name, sequence in recordings:
                 place = batch.folder / f"{name}.npz"
                 refuse_inputs(place, place.resolve(), [clip.path])
                 keep_others(place)
-                made.append((f"{name}.npz", denoise(sequence, options), notes))
+                made.append((f"{name}.npz", denoise(sequence, options)))
         except CheckpointError:
             raise
         except GeneOHError as error:
@@ -87,11 +83,11 @@ def clean_clip(clip: BatchClip, batch: BatchOptions) -> CleaningOutcome:
                 clip.name, f"{clip.path}: unexpected {type(error).__name__}: {error}"
             )
     files = {}
-    for name, result, _ in made:
+    for name, result in made:
         make_folder((batch.folder / name).parent)
         save(result, batch.folder / name, overwrite=True)  # `keep_others` refused foreign files
         files[name] = fingerprint(batch.folder / name)
-    hands = [row for each in made for row in _rows_of(*each)]
+    hands = [row for name, result in made for row in _rows_of(name, result)]
     return CleaningOutcome(clip.name, "", inputs, files, hands)
 
 
@@ -107,46 +103,25 @@ def without_warnings() -> Iterator[None]:
         log.setLevel(before)
 
 
-@contextmanager
-def warnings_of_readers() -> Iterator[list[str]]:
-    """The warnings of readers, which are collected instead of shown."""
-    log, kept, found = logging.getLogger("geneoh.readers"), BufferingHandler(MOST_WARNINGS), []
-    level, propagates = log.level, log.propagate
-    log.addHandler(kept)
-    log.setLevel(logging.WARNING)
-    log.propagate = False
-    try:
-        yield found
-    finally:
-        log.removeHandler(kept)
-        log.setLevel(level)
-        log.propagate = propagates
-        found += [record.getMessage() for record in kept.buffer]
-
-
 def sequences_of(
     clip: BatchClip, reading: dict[str, Any], mano_dir: Path | None
-) -> list[tuple[str, Sequence, Notes]]:
-    """The recordings of a clip with their names, and notes on what was assumed of each; most clips
-    have one."""
+) -> list[tuple[str, Sequence]]:
+    """The recordings of a clip with their names; most have one."""
     given = {**reading, **clip.reading}
     if clip.source is None:
         bare = {name: value for name, value in given.items() if name in FOR_NPZ}
         obj = clip.meshes or None
-        with warnings_of_readers() as warnings:
-            sequence = load(clip.path, obj=obj, mano_dir=mano_dir, **bare)
-        notes = tuple(words.removeprefix(f"{clip.path}: ") for words in warnings)
-        return [(clip.name, sequence, notes)]
+        return [(clip.name, load(clip.path, obj=obj, mano_dir=mano_dir, **bare))]
     options = options_with_files(obj=clip.meshes, mano_dir=mano_dir, **given)
     source_clip = SourceClip(clip.name, clip.path)
     recordings = read_clip(source_named(clip.source), source_clip, options)
     for recording in recordings:
         check_recording(recording)
-    return [(each.name, each.sequence, each.notes) for each in recordings]
+    return [(recording.name, recording.sequence) for recording in recordings]
 
 
-def _rows_of(file: str, result: Denoised, assumed: Notes) -> Iterator[dict[str, Any]]:
-    """A JSON-compatible summary of each hand of a result, with what was assumed of its file."""
+def _rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
+    """A JSON-compatible summary of each hand of a result."""
     for side, hand in result.hands.items():
         yield {
             "file": file,
@@ -156,5 +131,5 @@ def _rows_of(file: str, result: Denoised, assumed: Notes) -> Iterator[dict[str, 
             "moved_mm": 1000 * hand.moved,
             "before": hand.before.as_dict(),
             "after": hand.after.as_dict(),
-            "notes": list(dict.fromkeys((*assumed, *result.notes_of_clip(), *hand.notes))),
+            "notes": list(dict.fromkeys((*result.notes_of_clip(), *hand.notes))),
         }

@@ -197,10 +197,10 @@ class Denoised(ByValue, Bundle):
             yield f"depth of the hands in each other, deepest: {before} -> {after} mm"
 
     def notes_of_clip(self) -> tuple[str, ...]:
-        """Doubts about the input, notes on it, and the depth of two hands in each other where the
-        input or the result has any."""
+        """What was assumed of the input, doubts about it, notes on it, and the depth of two hands
+        in each other where the input or the result has any."""
         overlap = self.between_hands() if any(self.hands_in_each_other or ()) else ()
-        return (*self.doubts, *self.notes, *overlap)
+        return (*self.sequence.assumed, *self.doubts, *self.notes, *overlap)
 
     def sentences(self) -> tuple[str, ...]:
         """`notes_of_clip`, and notes on its hands, each once."""

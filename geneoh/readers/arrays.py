@@ -87,7 +87,7 @@ def from_arrays(
             "times of the frames in seconds as 'timestamps'"
         )
     sequence, notes = sequence_in(record, FORMAT, loaded)
-    sequence = replace(sequence, source="; ".join((source, *notes)))
+    sequence = replace(sequence, source="; ".join((source, *notes)), assumed=notes)
     check_sequence(sequence, source)
     return sequence
 

@@ -241,8 +241,6 @@ class Recording:
     sequence: Sequence
     mesh_names: tuple[str, ...] = ()
     cross_checks: CrossChecks = field(default_factory=CrossChecks)
-    notes: Notes = ()
-    """Assumptions that were made, which are in `sequence.source` too."""
 
 
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:

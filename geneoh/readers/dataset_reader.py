@@ -108,7 +108,10 @@ class DatasetReader:
             cameras, notes = float32(poses), [*notes, *more]
         words = "; ".join(dict.fromkeys(notes))
         source = f"{parts.source} ({words})" if words else parts.source
-        sequence = Sequence(tuple(hands), motion, rate, source, camera_to_world=cameras)
+        assumed = tuple(notes)
+        sequence = Sequence(
+            tuple(hands), motion, rate, source, assumed=assumed, camera_to_world=cameras
+        )
         refuse_other_frames(where, sequence, checks)
         camera: Any = parts.camera if options.camera is None else options.camera
         if camera is None and parts.camera_poses is not None:
@@ -120,7 +123,7 @@ class DatasetReader:
         if clock is not None:
             sequence, nearest = clock.even(sequence)
             checks = checks[nearest]
-        return Recording(parts.name or clip.name, sequence, names, checks, tuple(notes)), nearest
+        return Recording(parts.name or clip.name, sequence, names, checks), nearest
 
 
 def reads(
@@ -232,7 +235,7 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
         if any(bool(hand.valid[span].any()) for hand in whole.sequence.hands):
             name, part = f"{whole.name}_{span.start:05d}", builders.stretch_of(whole.sequence, span)
             checks = whole.cross_checks[span]
-            found.append(Recording(name, part, whole.mesh_names, checks, whole.notes))
+            found.append(Recording(name, part, whole.mesh_names, checks))
     if not found:
         raise InputError(f"{whole.name}: expected a hand and the object in one frame, got none")
     return found

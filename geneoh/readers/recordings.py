@@ -50,14 +50,9 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
         InputError: a file cannot be read, or there are several recordings and no `clip` is passed.
         MissingAssetError: a file that the user must supply is missing.
     """
-    return read_recording(source, Path(path), clip, **options).sequence
-
-
-def read_recording(source: str, path: Path, clip: str | None = None, **options: Any) -> Recording:
-    """As `read`, with the notes on what was assumed."""
-    recording = read_one(source, path, options_with_files(**options), clip)
+    recording = read_one(source, Path(path), options_with_files(**options), clip)
     check_recording(recording)
-    return recording
+    return recording.sequence
 
 
 def check_recording(recording: Recording) -> None:
@@ -65,7 +60,7 @@ def check_recording(recording: Recording) -> None:
     try:
         check_sequence(recording.sequence, recording.name)
     except InputError as error:
-        hints = [note for note in recording.notes if "pass --" in note]
+        hints = [note for note in recording.sequence.assumed if "pass --" in note]
         raise InputError("; ".join([str(error), *hints])) from None
 
 
@@ -235,8 +230,9 @@ def _with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recordin
     """Only the hands of some sides, with notes on why."""
     sequence = recording.sequence
     hands = tuple(hand for hand in sequence.hands if hand.side in sides)
-    source = "; ".join([sequence.source, *notes])
-    return replace(recording, sequence=replace(sequence, hands=hands, source=source))
+    source, assumed = "; ".join([sequence.source, *notes]), (*sequence.assumed, *notes)
+    sequence = replace(sequence, hands=hands, source=source, assumed=assumed)
+    return replace(recording, sequence=sequence)
 
 
 def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = None) -> Recording:

@@ -230,6 +230,8 @@ class Sequence(ByValue, Bundle):
     """Where it came from, in words a person can use: a file name and the layout that was read."""
     left_out: str = ""
     """What the file holds that a sequence cannot, such as a body, in words; else empty."""
+    assumed: tuple[str, ...] = ()
+    """What was assumed when it was read, as sentences."""
     camera_to_world: Float[Tensor, "T 4 4"] | None = None
     """Poses of a camera that moves, if hands and object are in its frame instead of the world's."""
 

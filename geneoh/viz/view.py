@@ -198,14 +198,16 @@ def open_scene(
         sequences, title=title, samples=kept_samples(kept), mano_dir=mano_dir, body=body
     )
     filled = filled_of(kept, scene)
-    fitted = tuple(fitted_notes(scene, next(reversed(sequences.values()))))
+    last = next(reversed(sequences.values()))
+    fitted = tuple(fitted_notes(scene, last))
+    notes = dict.fromkeys((*last.assumed, *kept_notes(kept)))
     for words in fitted:
         LOG.warning("%s: %s", scene.title, words)
     return replace(
         scene,
         object_confidence=confidence_of(kept),
         filled=torch.stack(list(filled.values())).any(0) if filled else None,
-        notes=(*kept_notes(kept), *filled_notes(filled), *fitted),
+        notes=(*notes, *filled_notes(filled), *fitted),
     )
 
 

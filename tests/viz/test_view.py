@@ -15,6 +15,7 @@ import trees
 from pages import page_scene
 from PIL import Image
 
+import geneoh
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.files.npz import Arrays
 from geneoh.pipeline.options import Options
@@ -77,6 +78,20 @@ def test_a_page_has_the_notes_of_a_result_and_the_frames_that_were_filled_in(
     ]
     save_sequence(one, tmp_path / "a.npz", extra=result.extra_arrays())
     assert kept_notes(kept_arrays(tmp_path / "a.npz")) == ("odd", "seen", "right hand: a <note>")
+
+
+def test_a_page_has_what_was_assumed_when_the_input_was_read(tmp_path):
+    fake_cleaning.write_clips(tmp_path, 1)
+    with np.load(tmp_path / "clip0.npz") as file:
+        arrays = {name: file[name] for name in file if name != "fps"}
+    np.savez(tmp_path / "noisy.npz", **arrays)
+    noisy = geneoh.load(tmp_path / "noisy.npz", obj=tmp_path / "clip0.obj")
+    assumed = "30 frames a second assumed; --fps says otherwise"
+    result = replace(fake_cleaning.denoise(noisy, Options()), doubts=("odd",))
+    assert open_scene(result).notes == (assumed, "odd", "right hand: a <note>")
+    save_sequence(result.sequence, tmp_path / "clean.npz", extra=result.extra_arrays())
+    assert open_scene(tmp_path / "clean.npz").notes == open_scene(result).notes
+    assert open_scene(tmp_path / "noisy.npz").notes == (assumed,)
 
 
 @dataclass

@@ -32,7 +32,7 @@ from geneoh.readers.npz.layouts import (
 )
 from geneoh.readers.object_poses import CAMERA_SHAPES, pose_field, poses_of
 from geneoh.readers.pose_matching import PoseTrack
-from geneoh.readers.recordings import read_recording
+from geneoh.readers.recordings import read
 from geneoh.readers.records import Array, Notes, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -114,10 +114,10 @@ def load(
         shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
         bare |= {"object_pose": object_pose, "camera_pose": camera_pose}
         given = {"obj": obj or (), **shared, **bare}
-        recording = read_recording(source, Path(path), **given)
-        for note in recording.notes:
+        sequence = read(source, path, **given)
+        for note in sequence.assumed:
             LOG.warning("%s: %s", path, note)
-        return recording.sequence
+        return sequence
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     poses = poses_of(object_pose, "geneoh.load", keypoint_unit)
     cameras = poses_of(camera_pose, "geneoh.load", keypoint_unit, "camera")
@@ -133,7 +133,8 @@ def load(
     else:
         about_mesh, missing = objects.notes_on_meshes(record, meshes), ""
     # before the reading, because a misspelt field may be why it fails
-    for note in layouts.misspelt_fields(record, layout):
+    misspelt = tuple(layouts.misspelt_fields(record, layout))
+    for note in misspelt:
         LOG.warning("%s: %s", path, note)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir, poses, cameras)
     notes = (*notes, *about_mesh, *([missing] if missing else []))
@@ -145,7 +146,8 @@ def load(
         source = f"{source} made from {shortened(made_from, 300)}"
     motion = replace(sequence.object, missing=missing)
     left_out = layouts.BODY_LEFT_OUT if "body_pose" in record else ""
-    sequence = replace(sequence, object=motion, source=source, left_out=left_out)
+    assumed = (*misspelt, *notes)
+    sequence = replace(sequence, object=motion, source=source, left_out=left_out, assumed=assumed)
     check_sequence(sequence, str(path))
     return sequence
 
