@@ -10,7 +10,6 @@ the Leap Motion service is read in `geneoh.readers.keypoints.leap`. Other fields
 from collections import Counter
 from collections.abc import Iterator
 from itertools import groupby
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from geneoh.readers.keypoints import mediapipe
 from geneoh.readers.keypoints.leap import hands_of_leap, is_leap
 from geneoh.readers.keypoints.missing import FEWEST_KEYPOINTS
 from geneoh.readers.keypoints.tables import NOT_READ, Numbering
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Notes
 
 
 def _plain(name: str) -> str:
@@ -59,7 +58,9 @@ def read_hands(
 
     `side` is for hands without a side, and `order` is the keypoint order of points in a list.
     """
-    frames = _frames_of_columns(value) or _with_hands_together(mediapipe.frames_in(value))
+    frames, in_turn = _frames_of_columns(value), ()
+    if not frames:
+        frames, in_turn = _with_hands_together(mediapipe.frames_in(value))
     file_side, _ = _side_and_score(value, side, 1.0)
     reader = _Frames(file_side, Numbering(order, where))
     tracks, notes = mediapipe.tracks_in(frames, where, file_side, reader.hands)
@@ -73,7 +74,7 @@ def read_hands(
         about = (*about, NOT_READ.format("the confidences of single points"))
     stamps = mediapipe.stamps_in(value, frames, where)
     unit = "mm" if any(map(is_leap, frames)) else "m"
-    return mediapipe.Landmarks(tracks, (*about, *notes), stamps, unit=unit)
+    return mediapipe.Landmarks(tracks, (*about, *in_turn, *notes), stamps, unit=unit)
 
 
 class _Frames:
@@ -186,20 +187,27 @@ def _frames_of_columns(value: Any) -> list[dict[str, Any]]:
     return [{name: each[index] for name, each in columns.items()} for index in range(count)]
 
 
-def _with_hands_together(frames: list[Any]) -> list[Any]:
+def _with_hands_together(frames: list[Any]) -> tuple[list[Any], Notes]:
     """The frames, with consecutive entries of one frame number, time or image, as of programs that
-    write each hand by itself, as the hands of one frame."""
-    fields = [each if isinstance(each, dict) else {} for each in frames]
+    write each hand by itself, as the hands of one frame; without any of these, entries of left and
+    right in turn, with a note."""
+    fields = [mediapipe.fields_by_words(each) for each in frames]
     names = [name for name in (*CLOCK_NAMES, *IMAGE_NAMES) if all(name in each for each in fields)]
+    sides: list[Side | None] = [_side_and_score(each, None, 1.0)[0] for each in frames]
+    if not names and mediapipe.are_in_turn(sides):
+        pairs = zip(frames[::2], frames[1::2], strict=True)
+        return [{"hands": list(pair)} for pair in pairs], (mediapipe.IN_TURN,)
     if not names or (
         names[0] in IMAGE_NAMES and not image_numbers(each[names[0]] for each in fields)
     ):
-        return frames
-    groups = [list(group) for _, group in groupby(frames, itemgetter(names[0]))]
+        return frames, ()
+    stamps = [{name: each[name] for name in names} for each in fields]
+    together = groupby(zip(stamps, frames, strict=True), lambda each: each[0][names[0]])
+    groups = [list(group) for _, group in together]
     return [
-        group[0] if len(group) == 1 else {**{n: group[0][n] for n in names}, "hands": group}
+        group[0][1] if len(group) == 1 else {**group[0][0], "hands": [each for _, each in group]}
         for group in groups
-    ]
+    ], ()
 
 
 def _points_by_name(value: Any) -> dict[str, Array]:

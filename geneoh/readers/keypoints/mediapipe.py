@@ -38,6 +38,10 @@ OF_SIDE: dict[Side, tuple[str, str]] = {
 """Fields of the Holistic Landmarker, which tells the hands apart by the body."""
 LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
 
+FEWEST_IN_TURN = 10
+"""Entries that name left and right in turn from which they are two hands, and not one whose side a
+detector guesses anew each time."""
+IN_TURN = "left and right in turn, without frame numbers: each two entries are taken for one frame"
 LARGEST_FRAME_STEP = 10
 """Median step beyond which numbers are timestamps: results so many frames apart show no motion."""
 
@@ -135,6 +139,13 @@ def numbers_in(value: Any) -> dict[str, int]:
     return numbers if len(numbers) == len(found) else {}
 
 
+def fields_by_words(frame: Any) -> dict[str, Any]:
+    """The fields of a frame by their words in lower case, which underscores join; of anything but a
+    dict none."""
+    fields = frame.items() if isinstance(frame, dict) else ()
+    return {"_".join(words_of(str(name))): field for name, field in fields}
+
+
 def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     """The fields of time in a JSON value, beside its results or in each of them."""
     beside = value if isinstance(value, dict) else {}
@@ -142,8 +153,7 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     stamps = {
         n: beside[n] for n in (*rate_fields(beside), *CLOCK_NAMES) if n in beside and n != listed
     }
-    dicts = [frame if isinstance(frame, dict) else {} for frame in frames]
-    named = [{"_".join(words_of(str(n))): each for n, each in frame.items()} for frame in dicts]
+    named = list(map(fields_by_words, frames))
     for name in CLOCK_NAMES:
         if any(fields.get(name) is not None for fields in named):
             stamps[name] = [fields.get(name) for fields in named]
@@ -153,6 +163,14 @@ def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
         stamps |= {"frame": numbers} if numbers else {}
     stamps = {name: as_numbers(values) for name, values in stamps.items()}
     return Record(where, stamps, "correct it, or leave it out")
+
+
+def are_in_turn(sides: list[Side | None]) -> bool:
+    """Whether entries are the two hands of each frame by their sides, which are left and right in
+    turn from the first to the last."""
+    pairs = set(zip(sides[::2], sides[1::2], strict=False))
+    whole = len(sides) >= FEWEST_IN_TURN and len(sides) % 2 == 0
+    return whole and len(pairs) == 1 and set(*pairs) == set(SIDES)
 
 
 def as_numbers(values: Any) -> Any:

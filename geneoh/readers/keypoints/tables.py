@@ -92,6 +92,7 @@ def points_in_rows(
     for track in found.values():
         mediapipe.refuse_image_landmarks(track.points, str(path))
     tracks, notes = mediapipe.as_one_hand(found, side)
+    notes = (*notes, mediapipe.IN_TURN) if are_in_turn(rows) else notes
     if any(SCORE_WORDS & {*words_of(name)} for name in names):
         notes = (*notes, NOT_READ.format("the confidences in its columns"))
     return mediapipe.Landmarks(tracks, notes, times_in(rows, frames, path), first)
@@ -200,14 +201,24 @@ def frame_column(rows: list[Row]) -> str | None:
 
 
 def frames_of(rows: list[Row]) -> list[float]:
-    """The frame of each row: by its number, else by its time, else one frame per row."""
+    """The frame of each row: by its number, else by its time, else one frame per row, or per two
+    rows of left and right in turn."""
     if name := frame_column(rows):
         return [number_in(row[name] or "") for row in rows]
     if name := column_of(rows, TIME_NAMES):
         times = np.array([time_in(row[name] or "") for row in rows])
         places = np.unique(times, return_inverse=True)[1].astype(float)
         return np.where(np.isfinite(times), places, np.nan).tolist()
-    return np.arange(float(len(rows))).tolist()
+    return (np.arange(float(len(rows))) // (2 if are_in_turn(rows) else 1)).tolist()
+
+
+def are_in_turn(rows: list[Row]) -> bool:
+    """Whether rows without the number or the time of their frame are two hands in turn."""
+    saying = column_of(rows, SIDE_COLUMNS)
+    if saying is None or frame_column(rows) or column_of(rows, TIME_NAMES):
+        return False
+    sides: list[Side | None] = [side_in(words_of(row[saying] or "")) for row in rows]
+    return mediapipe.are_in_turn(sides)
 
 
 class Numbering:

@@ -132,11 +132,15 @@ def test_a_hand_is_read_in_every_form(form, read):
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["frame", "image"])
+@pytest.mark.parametrize("name", ["frame", "frameIndex", "image", "fileName"])
 def test_entries_of_one_frame_are_its_hands(name, read):
     numbers = [0, 1, 4, 5]
     entries = [
-        {name: n if name == "frame" else f"{n:05d}.png", "hand": side, "landmarks": hand.tolist()}
+        {
+            name: n if name.startswith("frame") else f"{n:05d}.png",
+            "hand": side,
+            "landmarks": hand.tolist(),
+        }
         for n, points in zip(numbers, POINTS, strict=True)
         for side, hand in (("left", points * [-1, 1, 1]), ("right", points))
     ]

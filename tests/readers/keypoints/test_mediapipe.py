@@ -408,6 +408,30 @@ def test_a_row_without_numbers_is_a_frame_where_no_column_numbers_them(tmp_path,
     np.testing.assert_allclose(hand.joints[hand.valid], POINTS, atol=1e-6)
 
 
+@pytest.mark.parametrize("ending", ["csv", "json", "flat.json"])
+def test_left_and_right_in_turn_without_numbers_are_the_hands_of_each_frame(tmp_path, ending):
+    header = ["hand", *TABLES["x0"][0][1:]]
+    hands = [("left", POINTS * [-1, 1, 1]), ("right", POINTS)]
+    rows = [[side, *hand[t].ravel()] for t in range(FRAMES) for side, hand in hands]
+    frames = [{"hand": row[0], "joints": row[1:]} for row in rows]
+    if ending == "flat.json":
+        frames = [dict(zip(header, row, strict=True)) for row in rows]
+    path = tmp_path / f"hand.{ending}"
+
+    def read(count):
+        path.write_text(json.dumps(frames[:count]))
+        if ending == "csv":
+            write_table(path, header, rows[:count])
+        return geneoh.load(path)
+
+    sequence = read(2 * FRAMES)
+    for side, hand in hands:
+        np.testing.assert_allclose(sequence.hand(side).joints, hand, atol=1e-6)
+    assert "each two entries are taken for one frame" in sequence.source
+    for count in (2 * FRAMES - 1, 4):  # a detector may guess the side anew in each frame
+        assert len(read(count).hands) == 1
+
+
 def test_numbered_images_tell_which_frames_are_left_out(tmp_path):
     header, rows = TABLES["x0"]
     images = [f"video/frame_{n:04d}.jpg" for n in (7, 8, 9, 12, 13)]
