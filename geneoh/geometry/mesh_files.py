@@ -179,9 +179,9 @@ def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
 
 
 def mesh_from(given: Any, unit: Unit) -> Mesh:
-    """A mesh as it is, or read from a file; `InputError` for anything else."""
+    """A mesh, checked, or read from a file; `InputError` for anything else."""
     if isinstance(given, Mesh):
-        return given
+        return checked_mesh(given, str(given.source or "the mesh"))
     if isinstance(given, Path | str):
         return load_mesh(given, unit)
     if isinstance(given, ForeignMesh):

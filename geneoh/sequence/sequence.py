@@ -146,7 +146,9 @@ class ObjectTrack(ByValue, Bundle):
 
     def __post_init__(self) -> None:
         """Convert arrays and lists, one mesh or its file, and poses without the axis Q of parts."""
-        object.__setattr__(self, "meshes", meshes_of(self.meshes))
+        own = isinstance(self.meshes, tuple) and all(isinstance(each, Mesh) for each in self.meshes)
+        if not own:
+            object.__setattr__(self, "meshes", meshes_of(self.meshes))
         for name, axes in (("rotation", 3), ("translation", 2)):
             motion = getattr(self, name)
             if getattr(motion, "ndim", None) == axes and len(self.meshes) <= 1:

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import pairwise_distances
+from geneoh.geometry.mesh import checked_mesh
 from geneoh.geometry.rotations import is_rotation
 from geneoh.hand.skeleton import LARGEST_HAND, SMALLEST_HAND
 from geneoh.sequence.distance_check import check_distance, least_distance
@@ -92,8 +93,8 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
 
 
 def check_tracks(sequence: Sequence, name: str = "") -> None:
-    """Refuse a sequence without hands or frames, with two hands of one side, unequal lengths, or
-    poses of a camera that are none."""
+    """Refuse a sequence without hands or frames, with two hands of one side, unequal lengths, a
+    mesh without a surface, or poses of a camera that are none."""
     name = name or sequence.source or "the sequence"
     sides = [hand.side for hand in sequence.hands]
     if not sides or len(set(sides)) < len(sides):
@@ -108,6 +109,8 @@ def check_tracks(sequence: Sequence, name: str = "") -> None:
                 f"for the {hand.side} hand and {sequence.frames} for the object; "
                 "cut them to the same frames"
             )
+    for mesh in sequence.object.meshes:
+        checked_mesh(mesh, str(mesh.source or f"a mesh of {name}"))
     check_camera(sequence.camera_to_world, sequence.frames, name)
 
 

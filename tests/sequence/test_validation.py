@@ -4,6 +4,7 @@ import pytest
 import torch
 from bad_inputs import FRAMES, good_arrays
 
+import geneoh
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.sequence.distance_check import ball_distance
@@ -89,6 +90,20 @@ def test_angles_of_several_turns_in_a_few_frames_are_no_degrees():
 def test_an_implausible_sequence_is_refused(bad, words):
     with pytest.raises(InputError, match=f"^the sequence: .*{words}"):
         check_sequence(bad)
+
+
+@pytest.mark.parametrize("faces", [[[0, 1, 3]], [[0, 1, -1]], []])
+def test_a_mesh_whose_faces_are_none_is_refused_wherever_it_comes_from(faces, tmp_path):
+    mesh = Mesh(SHEET.verts, torch.tensor(faces).reshape(-1, 3).long())
+    bad = replace(GOOD, object=replace(OBJECT, meshes=(mesh,)))
+    for use in (
+        lambda: geneoh.from_arrays(right_joints=HAND.joints, fps=30, meshes=mesh),
+        lambda: geneoh.generate("lift the box", mesh),
+        lambda: geneoh.save(bad, tmp_path / "a.npz"),
+        lambda: geneoh.view(bad, tmp_path / "a.glb"),
+    ):
+        with pytest.raises(InputError, match=r"faces must index the 3 vertices|no face"):
+            use()
 
 
 def test_a_hand_may_be_zeros_in_most_of_the_frames():
