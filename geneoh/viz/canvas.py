@@ -3,7 +3,7 @@
 import io
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
 
 from geneoh.choices import Colouring
@@ -11,6 +11,7 @@ from geneoh.errors import InputError
 from geneoh.progress import OnStep, steps
 from geneoh.sequence.windows import spread_frames
 from geneoh.viz.camera import Camera, cameras
+from geneoh.viz.fonts import font_of
 from geneoh.viz.look import BACKGROUND, SCALES, Look
 from geneoh.viz.picture import Picture, draw, hands_from_near
 from geneoh.viz.scene import Scene, Version
@@ -37,8 +38,8 @@ class Canvas:
         self._pen = ImageDraw.Draw(self._image)
 
     def write(self, text: str, left: int, top: int, *, size: int = 13, colour: RGB = INK) -> None:
-        """Write one line of text, in the font that comes with Pillow: the same everywhere."""
-        self._pen.text((left, top), text, colour, ImageFont.load_default(size))
+        """Write one line of text."""
+        self._pen.text((left, top), text, colour, font_of(text, size))
 
     def paste(self, picture: Picture, left: int, top: int) -> None:
         """Paste a picture with its left upper corner at a place."""
@@ -115,7 +116,7 @@ def end_of(words: str, width: int, size: int) -> str:
 
 def width_of(words: str, size: int = 13) -> int:
     """Width of a line of text, in pixels."""
-    return int(ImageFont.load_default(size).getlength(words)) + 1
+    return int(font_of(words, size).getlength(words)) + 1
 
 
 def scale_width(colouring: Colouring) -> int:
