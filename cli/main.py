@@ -45,6 +45,19 @@ def failed(message: str, exit_code: int) -> click.exceptions.Exit:
     return click.exceptions.Exit(exit_code)
 
 
+def stopped() -> click.exceptions.Exit:
+    """Say that Ctrl-C ended the command; raise the return value to end the program."""
+    return failed("stopped; nothing half-written was left", INTERRUPTED)
+
+
+def is_of_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C caused an error, as of a library that was being imported."""
+    return error is not None and (
+        isinstance(error, KeyboardInterrupt)
+        or is_of_interrupt(error.__cause__ or error.__context__)
+    )
+
+
 def no_room(error: OSError) -> click.exceptions.Exit:
     """Say that a disk is full; raise the return value to end the program."""
     return failed(f"{error.filename or 'standard output'}: {error.strerror}; make room", 2)
@@ -124,12 +137,14 @@ class LazyGroup(click.Group):
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except KeyboardInterrupt:
-            raise failed("stopped; nothing half-written was left", INTERRUPTED) from None
+            raise stopped() from None
         except EndedElsewhereError as error:
             raise click.exceptions.Exit(error.exit_code) from None
         except GeneOHError as error:
             raise failed(str(error), 2) from None
         except Exception as error:
+            if is_of_interrupt(error):
+                raise stopped() from None
             if isinstance(error, OSError) and error.errno == errno.EPIPE:
                 raise  # the reader of our output left: click ends quietly
             if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:

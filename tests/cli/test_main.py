@@ -46,6 +46,13 @@ def test_an_error_is_one_line_and_an_exit_code(geneoh, failing, error, code):
     assert " ".join(str(error).split()) in result.stderr
 
 
+def test_an_error_that_ctrl_c_caused_in_a_library_is_a_stop(geneoh, failing):
+    error = ImportError("initialization failed")  # as pybind11 says it
+    error.__cause__ = KeyboardInterrupt()
+    failing(error)
+    assert geneoh("info", code=130).stderr == "Error: stopped; nothing half-written was left\n"
+
+
 def test_a_programming_error_says_how_to_report_it(geneoh, failing):
     failing(ZeroDivisionError("division by zero"))
     assert (
