@@ -14,6 +14,11 @@ def doubled(item: int) -> int:
     return 2 * item
 
 
+def holds_interrupts(item: int) -> bool:
+    """Whether Ctrl-C cannot reach this process."""
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 def doubled_unless_odd(item: int) -> int:
     """Twice an even number."""
     if item % 2:

@@ -97,17 +97,34 @@ def begin_then_interrupt(made, folder):
         signal.signal(signal.SIGALRM, before)
 
 
+SCRIPT = """
+import sys, chores
+from geneoh.workers.pool import results_of
+if __name__ == "__main__":
+    do = getattr(chores, sys.argv[1])
+    print(list(results_of([sys.argv[2]] * 2, do, jobs=2, lost=None)))
+"""
+
+
+def script_of(folder) -> tuple[list[str], dict[str, str]]:
+    """The command of a program with two workers, without its arguments, and its environment."""
+    (folder / "run.py").write_text(SCRIPT)
+    paths = os.pathsep.join([SUPPORT, os.environ.get("PYTHONPATH", "")])
+    return [sys.executable, str(folder / "run.py")], {**os.environ, "PYTHONPATH": paths}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot hold signals")
+def test_ctrl_c_reaches_no_worker_from_the_start_of_the_first_one_on(tmp_path):
+    # in a program of its own: only the first worker of a program starts the tracker of resources
+    command, environment = script_of(tmp_path)
+    command += ["holds_interrupts", ""]
+    told = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[True, True]"
+
+
 def test_workers_end_when_their_parent_is_killed(tmp_path):
-    code = (
-        "import sys, chores\n"
-        "from geneoh.workers.pool import results_of\n"
-        "if __name__ == '__main__':\n"
-        "    list(results_of([sys.argv[1]] * 2, chores.tidied, jobs=2, lost=None))\n"
-    )
-    script = tmp_path / "run.py"
-    script.write_text(code)
-    environment = {**os.environ, "PYTHONPATH": SUPPORT}
-    with subprocess.Popen([sys.executable, script, tmp_path], env=environment) as parent:
+    command, environment = script_of(tmp_path)
+    with subprocess.Popen([*command, "tidied", tmp_path], env=environment) as parent:
         wait_for(lambda: len(list(tmp_path.glob("begun_*"))) == 2)
         parent.kill()
     wait_for(lambda: len(list(tmp_path.glob("tidied_*"))) == 2)
