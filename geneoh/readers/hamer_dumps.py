@@ -29,6 +29,10 @@ DEMO_FOCAL = 5000.0 / 256.0
 """Focal length that the demos assume, in multiples of the longer side of the image."""
 AS_DUMPED = "dump the estimator's output as the page on estimators shows"
 ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
+LIST_NOTE = (
+    "no 'frame' and no image has a numbered name: each entry is taken for the image after that of "
+    "the entry before; where images without hands were left out, list {} for them"
+)
 PARAMETERS = ("global_orient", "hand_pose", "betas")
 MARKS = ("pred_mano_params", "wilor_preds", "hand_bbox", *PARAMETERS[:2])
 """Fields that identify a batch, which has at least one of them."""
@@ -96,7 +100,7 @@ def frames_of_names(names: list[str], where: Path) -> list[int]:
 def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]:
     """All detections of a file or a folder, and notes on what was assumed."""
     found, notes = [], []
-    batches = batches_of_file(path) if path.is_file() else batches_of_folder(path, notes)
+    batches = batches_of_file(path, notes) if path.is_file() else batches_of_folder(path, notes)
     for number, record in batches:
         if _is_empty(record):
             continue
@@ -109,10 +113,13 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, Notes]
         found.append(made)
     if not found:
         raise InputError(f"{path}: expected detections, got none; check the dump")
-    return concatenated(found, "N"), (*notes,)
+    whole = concatenated(found, "N")
+    if len(np.unique(whole.frame)) <= np.ptp(whole.frame):  # some images are without hands
+        notes = [note for note in notes if note != LIST_NOTE]
+    return whole, (*notes,)
 
 
-def batches_of_file(path: Path) -> Iterator[Batch]:
+def batches_of_file(path: Path, notes: list[str]) -> Iterator[Batch]:
     """The batches of a file: a single one, or those of the images in a list or a dict."""
     value = value_in(path)
     if is_batch(value):
@@ -123,7 +130,11 @@ def batches_of_file(path: Path) -> Iterator[Batch]:
         for frame, (name, image) in zip(numbers, value.items(), strict=True):
             yield from batches_of_image(image, f"{path} '{name}'", frame)
     elif isinstance(value, list | tuple):
-        for frame, image in zip(numbers_of_images(value), value, strict=True):
+        numbers = numbers_of_images(value)
+        fields = {name for image in value if is_batch(image) for name in image}
+        if isinstance(numbers, range) and len(numbers) > 1 and fields.isdisjoint(FRAME_NAMES):
+            notes.append(LIST_NOTE)
+        for frame, image in zip(numbers, value, strict=True):
             yield from batches_of_image(image, f"{path}, image {frame}", frame)
     else:
         raise no_batch(value, str(path))

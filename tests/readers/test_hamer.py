@@ -139,6 +139,17 @@ def test_an_image_without_hands_may_hold_nothing(tmp_path, nothing):
         assert hand.valid.tolist() == [t != 2 for t in range(FRAMES)]
 
 
+def test_a_list_that_may_lack_images_is_told(tmp_path):
+    made: list[Any] = images(tmp_path)
+    numbered = [{**image, "img_path": f"{t:06d}.jpg"} for t, image in enumerate(made)]
+    for entries, told in ((made[:2] + made[3:], True), ([made[0], {}, *made[2:]], False)):
+        (tmp_path / "video.pkl").write_bytes(pickle.dumps(entries))
+        source = geneoh.read("hamer", tmp_path, focal=FOCAL).source
+        assert ("list {} for them" in source) is told
+    (tmp_path / "video.pkl").write_bytes(pickle.dumps(numbered))
+    assert "list {} for them" not in geneoh.read("hamer", tmp_path, focal=FOCAL).source
+
+
 @pytest.mark.parametrize("name", ["frame_id", "img_path"])
 def test_images_of_a_list_may_be_numbered_by_other_names(tmp_path, name):
     made: list[Any] = images(tmp_path)
