@@ -16,7 +16,6 @@ from geneoh.geometry.openings import SHEET_THICKNESS
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.mano import mano_folder
 from geneoh.hand.model import HandModel
-from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.camera_motion import steady_camera
 from geneoh.objects.held_in_gaps import held_in_gaps
@@ -94,8 +93,7 @@ def denoise(
     """
     options = with_settings(options, settings)
     named_device(options.device)
-    with undisturbed():
-        return cleaned(as_sequence(sequence, obj), options, on_progress)
+    return cleaned(as_sequence(sequence, obj), options, on_progress)
 
 
 def cleaned(

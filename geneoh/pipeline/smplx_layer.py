@@ -17,7 +17,6 @@ from geneoh.hand.library import hand_of_betas
 from geneoh.hand.mano import mano_folder, translation_from_wrist
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
-from geneoh.modes import undisturbed
 from geneoh.readers.npz.hands import with_keypoints
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
@@ -27,7 +26,6 @@ LOG = logging.getLogger(__name__)
 
 
 @checked_call
-@undisturbed()
 def to_smplx(
     side: Side,
     sequence: Sequence,
