@@ -1,10 +1,11 @@
 """Calibrate the spread of keypoints: `python -m tools.calibrate_spread`, or `lost`.
 
-The standard deviation of keypoints over samples is smaller than their error. This program finds the
-factor at which the share of keypoints whose truth lies in the 90% radius is nearest to 90%, over
-all noises. Clips are synthetic interactions with the object families that networks are trained on,
-under seeds of their own, each under every noise. The last printed line is
-`geneoh.pipeline.spread.ERROR_RATIO`.
+The standard deviation of keypoints over samples differs from their error. This program finds the
+ratio of the two, and the change from input to result below which less of the deviation counts, that
+tell the smallest errors with which the 90% radius holds the share `LEAST` of the true keypoints
+under every noise and of clean hands. Clips are synthetic interactions with the object families and
+the scans that networks are trained on, under seeds of their own, each under every noise. The last
+printed line has `ERROR_RATIO` and `CHANGED` of `geneoh.pipeline.spread`.
 
 `lost` prints a table for hands that are not seen for some frames, under the noise `gauss`, on the
 recording and on clips of held-out families and scans: the root mean square error in these frames,
@@ -12,72 +13,105 @@ and the share of the keypoints in the 90% radius as samples alone give it and wi
 `geneoh.pipeline.spread.LOST`.
 """
 
+import math
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import NOISES, Noise
-from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import RADIUS_90
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.spread import LOST, joint_spread, seconds_lost
-from geneoh.seeds import seed_of, seeded_generator
+from geneoh.seeds import seeded_generator
+from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.shapes.scans import read_folder
+from tools.noisy_objects.clips import EXAMPLES, made_clips, scans_of
 from tools.other_noises import clips_of
 
-CLIPS, FRAMES = 5, 60
-"""Number of clips and their length in frames."""
-GRID = tuple(0.4 + 0.1 * step for step in range(28))
-"""Factors that are tried."""
-AIM = 0.9
-"""Share of the keypoints whose truth is to lie in the 90% radius."""
+CLIPS, FRAMES = 10, 90
+"""Number of clips of families, and of scans, and their length in frames."""
+RATIOS = tuple(round(0.8 + 0.1 * step, 1) for step in range(16))
+CHANGES = tuple(0.001 * step for step in range(1, 13))
+"""Values of `ERROR_RATIO` and `CHANGED` that are tried; the latter in metres."""
+LEAST = 0.9
+"""Share of the keypoints whose truth lies in the 90% radius, at least. Most noises have more, since
+errors that last need a larger radius than others."""
 LENGTHS = (4, 8, 15, 30, 60)
 """Frames for which a hand is not seen."""
 
 
 @dataclass(frozen=True)
 class SpreadErrors:
-    """Standard deviation over samples and true error of all keypoints of one noise, metres."""
+    """Spread at a ratio of 1 and true error of all keypoints of one noise, metres."""
 
-    sampled: Float[Tensor, " N"]
+    sampled: Float[Tensor, "C N"]
+    """For each of `CHANGES`."""
     error: Float[Tensor, " N"]
 
-    def inside(self, scale: float) -> float:
-        """Share of the keypoints whose truth lies in the 90% radius, with this factor."""
-        return float((self.error <= RADIUS_90 * scale * self.sampled).float().mean())
+    def inside(self, ratio: float, change: int) -> float:
+        """Share of the keypoints whose truth lies in the 90% radius, with a ratio and one of
+        `CHANGES` by its index."""
+        radius = RADIUS_90 * ratio * self.sampled[change]
+        return float((self.error <= radius).float().mean())
 
 
-def measured(noise: Noise, clips: int = CLIPS, frames: int = FRAMES) -> SpreadErrors:
-    """Clean clips under a noise; spread over samples and true error of every keypoint."""
-    families = SynthesisConfig().common
-    found = []
-    for index in range(clips):
-        clean = draw_clip(families[seed_of("family", index) % len(families)], 1000 + index, frames)
+def clips_to_calibrate(count: int = CLIPS, frames: int = FRAMES) -> list[Sequence]:
+    """Clips of the families and of some of the scans that networks are trained on."""
+    families, objects = SynthesisConfig().common, read_folder(EXAMPLES / "objects")
+    names = [name for name in objects.names if name not in objects.held_out]
+    scans = scans_of(objects, names[:: max(1, len(names) // count)])
+    return [
+        *made_clips(families, count, 1000, frames),
+        *made_clips(scans.names, count, 1000, frames, scans),
+    ]
+
+
+def measured(noise: Literal[Noise, "clean"], clips: Iterable[Sequence]) -> SpreadErrors:
+    """Clean clips under a noise, or none; spread and true error of every keypoint."""
+    sampled, errors = [], []
+    for index, clean in enumerate(clips):
         generator = seeded_generator("calibration", index, noise)
-        result = denoise(corrupt_sequence(clean, noise, generator=generator), Options(seed=index))
-        cleaned, truth = result.sequence.hands[0].joints, clean.hands[0].joints
+        noisy = clean if noise == "clean" else corrupt_sequence(clean, noise, generator=generator)
+        (hand,) = denoise(noisy, Options(seed=index)).hands.values()
+        cleaned, truth = hand.track.joints, clean.hands[0].joints
         assert cleaned is not None, "every result has joints"
         assert truth is not None, "synthetic clips have joints"
-        sampled = joint_spread(result.hands["right"].samples, scale=1.0)
-        found.append(torch.stack([sampled, (cleaned - truth).norm(dim=-1)]).flatten(1))
-    return SpreadErrors(*torch.cat(found, dim=1))
+        spread_at = partial(
+            joint_spread,
+            hand.samples,
+            1.0,
+            given=filled_keypoints(noisy.hands[0]),
+            alone=1 - hand.evidence,
+            observed=~hand.filled,
+        )
+        sampled.append(torch.stack([spread_at(changed=change).flatten() for change in CHANGES]))
+        errors.append((cleaned - truth).norm(dim=-1).flatten())
+    return SpreadErrors(torch.cat(sampled, dim=1), torch.cat(errors))
 
 
-def calibrated(errors: Iterable[SpreadErrors]) -> float:
-    """The factor of the grid that comes nearest to the aim over all noises."""
+def calibrated(errors: Iterable[SpreadErrors]) -> tuple[float, int]:
+    """The ratio and the index of the change with the least expected errors, as the geometric mean
+    over the noises, of those with which no noise has fewer than `LEAST` in the radius."""
     errors = list(errors)
 
-    def miss(scale: float) -> float:
-        return sum((each.inside(scale) - AIM) ** 2 for each in errors)
+    def size(tried: tuple[float, int]) -> float:
+        ratio, change = tried
+        return math.prod(ratio * float(each.sampled[change].mean()) for each in errors)
 
-    return min(GRID, key=miss)
+    pairs = product(RATIOS, range(len(CHANGES)))
+    held = [pair for pair in pairs if all(each.inside(*pair) >= LEAST for each in errors)]
+    return min(held, key=size)
 
 
 def while_lost(clip: Sequence, length: int, seed: int) -> Float[Tensor, "3 N"]:
@@ -117,11 +151,12 @@ def main() -> None:
             rows = [lost_row(clips, length) for clips in groups.values()]
             print(f"| {length} | " + " | ".join(rows) + " |", flush=True)
         return
-    errors = {noise: measured(noise) for noise in NOISES}
-    scale = calibrated(errors.values())
+    clips = clips_to_calibrate()
+    errors = {noise: measured(noise, clips) for noise in (*NOISES, "clean")}
+    ratio, change = calibrated(errors.values())
     for noise, each in errors.items():
-        print(f"{noise}: {100 * each.inside(scale):.0f}% inside")
-    print(f"ERROR_RATIO = {scale:.2f}")
+        print(f"{noise}: {100 * each.inside(ratio, change):.0f}% inside")
+    print(f"ERROR_RATIO = {ratio:.1f}, CHANGED = {CHANGES[change]:.3f}")
 
 
 if __name__ == "__main__":

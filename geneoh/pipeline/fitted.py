@@ -127,7 +127,9 @@ class FittedHand:
         observed = self.hand.track.observed  # the report compares the same frames before and after
         spread = None
         if len(self.samples) > 1:
-            spread = joint_spread(self.samples, alone=1 - self.evidence, observed=observed)
+            spread = joint_spread(
+                self.samples, given=subject.joints, alone=1 - self.evidence, observed=observed
+            )
         before, apart_before = measure_hand(
             self.given, subject.shaped, self.given_joints, self.surface, fps, observed
         )

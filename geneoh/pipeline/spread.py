@@ -12,6 +12,11 @@ from geneoh.sequence.windows import blocks, widened
 ERROR_RATIO = 1.5
 """Ratio of the expected error to the standard deviation over samples, from
 `tools.calibrate_spread`. It is above 1 because errors that all samples share do not spread them."""
+CHANGED, UNCHANGED_SHARE = 0.005, 0.02
+"""Mean distance over the keypoints from input to result, metres, at which about half of the
+variance over samples counts, from `tools.calibrate_spread`; and the share that counts where the
+result is the input. Samples show all places at which contact could be, but a calm hand that already
+is at one of them is seldom wrong."""
 ALONE = 3.0
 """Factor on the expected error of a hand that is cleaned without the object, whose samples share
 the unknown error of position. With it, 87 to 98% of the true keypoints of synthetic clips are in
@@ -32,6 +37,8 @@ def joint_spread(
     samples: Float[Tensor, "S T 21 3"],
     scale: float = ERROR_RATIO,
     *,
+    given: Float[Tensor, "T 21 3"] | None = None,
+    changed: float = CHANGED,
     alone: Float[Tensor, " T"] | None = None,
     observed: Bool[Tensor, " T"] | None = None,
 ) -> Float[Tensor, "T 21"]:
@@ -40,22 +47,40 @@ def joint_spread(
     Args:
         samples: keypoints of at least two samples, metres.
         scale: ratio of the expected error to the standard deviation over the samples.
+        given: keypoints of the input, metres; without them all of the variance counts.
+        changed: mean change from `given` at which half of the variance counts, metres.
         alone: share, 0 to 1, by which each frame was cleaned without the object; 0 by default.
         observed: frames in which the hand was observed; all by default.
     """
-    found, frames = [], samples.shape[1]
+    frames = samples.shape[1]
+    alone = samples.new_zeros(frames) if alone is None else alone
+    seen = torch.ones_like(alone) if observed is None else observed.to(samples)
+    found = []
     for block in blocks(frames):
         wide, inner = widened(block, FILTER_END, frames)
         near = samples[:, wide]
-        kernel = filter_kernels(near.new_ones(1, near.shape[1]), (DIFFERENCE_FILTER,))[0, 0, inner]
-        apart = torch.einsum("tu,sukc->stkc", kernel, near - near.mean(0))
-        found.append(scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt())
-    spread = torch.cat(found)
-    if alone is not None:
-        spread = spread * (1 + (ALONE - 1) * alone)[:, None]
+        mean, weights = near.mean(0), torch.stack([torch.ones_like(seen[wide]), seen[wide]])
+        all_frames, seen_frames = filter_kernels(weights, (DIFFERENCE_FILTER,))[:, 0, inner]
+        apart = torch.einsum("tu,sukc->stkc", all_frames, near - mean)
+        spread = scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt()
+        if given is not None:
+            change = seen_frames @ (mean - given[wide]).norm(dim=-1).mean(-1)
+            share = counted(change, changed)
+            # a frame that was filled in, or cleaned by itself, says nothing about contact
+            rest = seen[block] * (1 - alone[block]) * (1 - share)
+            spread = spread * (1 - rest).sqrt()[:, None]
+        found.append(spread)
+    spread = torch.cat(found) * (1 + (ALONE - 1) * alone)[:, None]
     if observed is not None:
         spread = spread * (1 + LOST * seconds_lost(observed).to(spread))[:, None]
     return spread
+
+
+def counted(change: Float[Tensor, "*N"], changed: float) -> Float[Tensor, "*N"]:
+    """Share of the variance over samples that counts, by the change from input to result, and by
+    the one at which half of the variance counts, metres."""
+    share = change.square() / (change.square() + changed**2)
+    return UNCHANGED_SHARE + (1 - UNCHANGED_SHARE) * share
 
 
 def seconds_lost(observed: Bool[Tensor, " T"]) -> Float[Tensor, " T"]:

@@ -14,12 +14,12 @@ from geneoh.metrics.contact import TOUCH
 EXACT_WITHIN = 0.03
 """Distance up to which the distance of a finger to the object must be exact, metres: at usual
 errors of its tip, a finger farther away certainly does not touch."""
-NEARER = 0.0027
+NEARER = 0.0032
 """Mean distance by which touching fingers are too far from the object in results, metres."""
-SPREAD_SHARE, LEAST_SPREAD = 0.13, 0.0033
+SPREAD_SHARE, LEAST_SPREAD = 0.18, 0.0035
 """Standard deviation of a finger's distance: a share of the expected error of its tip (the part
 along the surface normal that the fit does not correct), and a constant in metres."""
-USUAL_SPREAD = 0.02
+USUAL_SPREAD = 0.016
 """Expected error of a fingertip in metres if a single sample gives no estimate of it."""
 
 

@@ -2,7 +2,15 @@ import pytest
 import torch
 from draws import normal
 
-from geneoh.pipeline.spread import ALONE, DIFFERENCE_FILTER, ERROR_RATIO, LOST, joint_spread
+from geneoh.pipeline.spread import (
+    ALONE,
+    CHANGED,
+    DIFFERENCE_FILTER,
+    ERROR_RATIO,
+    LOST,
+    UNCHANGED_SHARE,
+    joint_spread,
+)
 from geneoh.sequence import windows
 
 
@@ -23,6 +31,35 @@ def test_a_hand_that_is_cleaned_by_itself_is_less_sure():
     found = joint_spread(samples, alone=torch.tensor([0.0, 0.5, 1.0]))
     share = torch.tensor([1.0, (1 + ALONE) / 2, ALONE])[:, None]
     torch.testing.assert_close(found, share * joint_spread(samples))
+
+
+def test_a_hand_that_is_hardly_changed_is_surer():
+    samples = 0.004 * normal(4, 9, 21, 3)
+    mean, usual = samples.mean(0), joint_spread(samples)
+    shift = torch.tensor([1.0, 0.0, 0.0])
+    for change, share in ((0.0, UNCHANGED_SHARE), (CHANGED, (1 + UNCHANGED_SHARE) / 2), (1.0, 1.0)):
+        found = joint_spread(samples, given=mean + change * shift)
+        torch.testing.assert_close(found, share**0.5 * usual, atol=0, rtol=1e-3)
+
+
+def test_the_change_counts_around_a_frame():
+    samples = 0.004 * normal(4, 300, 21, 3)
+    given = samples.mean(0).clone()
+    given[150:] += 0.1
+    share = joint_spread(samples, given=given) / joint_spread(samples)
+    assert float(share[:100].max()) < 1.1 * UNCHANGED_SHARE**0.5
+    assert float(share[150:].min()) > 0.99
+
+
+def test_frames_that_were_filled_in_or_cleaned_alone_are_no_surer():
+    samples = 0.004 * normal(4, 5, 21, 3)
+    observed, alone = torch.tensor([True, False, True, True, True]), torch.zeros(5)
+    alone[3] = 1
+    settings = {"alone": alone, "observed": observed}
+    found = joint_spread(samples, given=samples.mean(0), **settings)
+    surer = (found / joint_spread(samples, **settings)).mean(-1)
+    share = UNCHANGED_SHARE**0.5
+    torch.testing.assert_close(surer, torch.tensor([share, 1, share, 1, share]))
 
 
 @pytest.mark.parametrize("lost", [0, 1, 30])
@@ -56,6 +93,7 @@ def test_disagreement_that_comes_and_goes_hardly_counts():
 def test_blocks_of_a_long_track_have_the_spread_of_the_whole(monkeypatch):
     samples = 0.004 * normal(4, 700, 21, 3)
     monkeypatch.setattr(windows, "BLOCK", 700)
-    whole = joint_spread(samples)
+    given = samples.mean(0) + 0.01 * normal(700, 21, 3)
+    whole = joint_spread(samples, given=given)
     monkeypatch.setattr(windows, "BLOCK", 200)
-    torch.testing.assert_close(joint_spread(samples), whole, atol=1e-7, rtol=0)
+    torch.testing.assert_close(joint_spread(samples, given=given), whole, atol=1e-7, rtol=0)
