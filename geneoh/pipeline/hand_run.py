@@ -18,6 +18,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
+from geneoh.objects.left_behind import moving_parts
 from geneoh.pipeline.fitted import FittedHand
 from geneoh.pipeline.misfit import depth_left, moved_far
 from geneoh.pipeline.presets import Preset
@@ -69,6 +70,9 @@ class HandRun:
         generator = torch.Generator().manual_seed(self.seed)
         stages = StageRun(self.denoisers, subject, seen, progress_of, generator)
         ray, noise = hand.track.camera_ray, self.object_noise
+        rests = False
+        if chosen.clean_object and ray is not None and surface is not None:
+            rests = not bool(moving_parts(surface, hand.fps).any())
         before, joints = given, subject.joints
         if raw is not None:
             observed = subject_of(raw.to(hand.track.valid.device), model, carrier)
@@ -77,7 +81,7 @@ class HandRun:
 
         def cleaned(near: Float[Tensor, " N"]) -> FittedHand:
             samples, near = stages.relied_on(
-                surface, poses, near, chosen, hand.fps, ray=ray, object_noise=noise
+                surface, poses, near, chosen, hand.fps, ray=ray, rests=rests, object_noise=noise
             )
             index, target = _select(samples, subject, chosen.selection)
             on_step = progress_of("fit")

@@ -8,9 +8,13 @@ import quick_presets
 import torch
 
 from geneoh.geometry.mirror import mirror_points
+from geneoh.metrics.accuracy import mpjpe
 from geneoh.pipeline.options import Options
+from geneoh.pipeline.stages import run as stage_run
 from geneoh.pipeline.stages.run import StageRun
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.camera import seen_from
+from geneoh.sequence.noise import corrupt_sequence
 
 pipeline = importlib.import_module("geneoh.pipeline.denoise")
 FAST = Options(preset="fast")
@@ -51,3 +55,37 @@ def test_the_ablation_withholds_the_ray_and_the_result_keeps_it(contexts, seen):
     result = pipeline.denoise(seen, replace(FAST, without=("camera",)))
     assert contexts[0].ray is None
     assert result.sequence.hands[0].camera_ray.equal(seen.hands[0].camera_ray)
+
+
+@pytest.mark.slow
+def test_a_hand_above_an_object_at_rest_is_not_moved_onto_it_along_the_ray(clean):
+    reach = slice(0, 18)  # the hand is 2 to 3 cm above the object, and touches it at the end
+    seen = corrupt_sequence(clean[reach], "camera", generator=seeded_generator("reach"))
+
+    def error(**settings) -> float:
+        joints = pipeline.denoise(seen, FAST, **settings).sequence.hands[0].joints
+        return float(mpjpe(joints, clean.hands[0].joints[reach]).mean())
+
+    assert error() < 1.1 * error(without=("mesh",))
+
+
+@pytest.mark.parametrize(
+    ("frames", "known"), [(slice(0, 18), [True, False]), (slice(60, 78), [True])]
+)
+def test_contact_is_judged_without_the_ray_too_where_the_object_rests(
+    monkeypatch, clean, frames, known
+):
+    quick_presets.use(monkeypatch)
+    rays, spatial = [], stage_run.denoise_spatial
+
+    def noted(*args, **settings):
+        rays.append(args[3].ray is not None)
+        return spatial(*args, **settings)
+
+    monkeypatch.setattr(stage_run, "denoise_spatial", noted)
+    part = seen_from(clean[frames], torch.tensor([[0.5, 0.4, 2.0]]), "here")
+    pipeline.denoise(part, FAST)
+    assert rays == known
+    rays.clear()
+    pipeline.denoise(part, FAST, trust_object=True)
+    assert rays == [True]

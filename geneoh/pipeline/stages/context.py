@@ -48,6 +48,8 @@ class StageContext(ObjectSurface):
     fps: float
     canonical: bool = True  # False for the ablation with a canonical frame fixed in the world
     ray: Float[Tensor, "T 3"] | None = None  # unit direction camera to hand, world; None if unknown
+    rests: bool = False
+    """Whether the object is known to rest in all frames, so that only contact shows a touch."""
     object_noise: Float[Tensor, " 2"] | None = None
     """Standard deviation of white noise on the object's rotation (rad) and translation (m) before
     its track was cleaned; None if the object is trusted."""

@@ -26,6 +26,9 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks
 
 LEAST_EVIDENCE = 0.02  # evidence of the object up to which the stages run without it
+WITHOUT_RAY = 0.5
+"""Factor on the standard deviation that SpatialDiff's shift has without the camera's ray, where the
+object rests: from 32 mm on that reduces the evidence of a touch, from 40 mm on it leaves none."""
 FARTHEST = 10.0  # distance from the input, metres, that shows damaged network weights
 OF_THE_PAPER: dict[str, tuple[str, Callable[..., Tensor]]] = {
     "motion": ("trajectory", denoise_trajectory),
@@ -54,12 +57,14 @@ class StageRun:
         fps: float,
         *,
         ray: Float[Tensor, "T 3"] | None = None,
+        rests: bool = False,
         object_noise: Float[Tensor, " 2"] | None = None,
     ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
         """Samples with the object, blended with samples of the hand alone where it is unreliable.
 
-        `poses` and `near` are as in `geneoh.objects.evidence.blended`. Also returns `near` times
-        the evidence from SpatialDiff that the hand touches the object.
+        `poses` and `near` are as in `geneoh.objects.evidence.blended`; `ray` and `rests` as in
+        `StageContext`. Also returns `near` times the evidence from SpatialDiff that the hand
+        touches the object.
         """
         samples = None
         if surface is not None and bool((near * poses > LEAST_EVIDENCE).any()):
@@ -69,6 +74,7 @@ class StageRun:
                 context,
                 canonical=chosen.canonical,
                 ray=ray,
+                rests=rests,
                 object_noise=object_noise,
                 relied=poses,
             )
@@ -150,8 +156,9 @@ class StageRun:
     def placed(
         self, observed: HandParameters, hand: HandParameters, context: StageContext, plan: PlacePlan
     ) -> tuple[HandParameters, Float[Tensor, " T"]]:
-        """`denoise_spatial`."""
-        return denoise_spatial(
+        """`denoise_spatial`. Along a camera's ray nearly any hand can be moved to an object; if the
+        object rests, contact must determine the position to some extent without the ray, too."""
+        found, width = denoise_spatial(
             self.denoisers.spatial,
             observed,
             hand,
@@ -160,6 +167,17 @@ class StageRun:
             generator=self.generator,
             on_step=self.progress_of("spatial"),
         )
+        if context.ray is None or not context.rests:
+            return found, width
+        _, wide = denoise_spatial(
+            self.denoisers.spatial,
+            observed,
+            hand,
+            replace(context, ray=None),
+            plan,
+            generator=torch.Generator().manual_seed(self.generator.initial_seed()),
+        )
+        return found, width.maximum(WITHOUT_RAY * wide)
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """All three stages on keypoints, in the form of the paper."""
