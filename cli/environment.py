@@ -7,6 +7,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from geneoh.errors import numbered
+
 
 def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
     """All facts about this installation, in a form that JSON can hold."""
@@ -35,7 +37,8 @@ def devices() -> dict[str, Any]:
     """The names that `--device` takes, each with a description."""
     import torch
 
-    found = {"cpu": f"{os.cpu_count()} cores, {torch.get_num_threads()} threads"}
+    cores, threads = os.cpu_count() or 1, torch.get_num_threads()
+    found = {"cpu": f"{numbered(cores, 'core')}, {numbered(threads, 'thread')}"}
     for index in range(torch.cuda.device_count()):
         gpu = torch.cuda.get_device_properties(index)
         found[f"cuda:{index}"] = f"{gpu.name}, {gpu.total_memory / 2**30:.0f} GiB"

@@ -44,7 +44,7 @@ class HandTrack(ByValue, Bundle):
 
     Calibrated so that about 90% of the true keypoints lie within 1.44 times it
     (`geneoh.metrics.accuracy.RADIUS_90`, which takes errors as isotropic and normal): measured, 81
-    to 97% on noisy versions of a recording and 96 to 100% on synthetic clips. The cleaner computes
+    to 97% on noisy versions of a recording and 94 to 99% on synthetic clips. The cleaner computes
     it from its samples where it draws several (`geneoh.pipeline.spread`)."""
     camera_ray: Float[Tensor, "T 3"] | None = None
     """Unit direction in the world from the camera to the hand, for hands that were estimated from
