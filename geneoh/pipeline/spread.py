@@ -65,7 +65,7 @@ def joint_spread(
         spread = scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt()
         if given is not None:
             change = seen_frames @ (mean - given[wide]).norm(dim=-1).mean(-1)
-            share = counted(change, changed)
+            share = variance_share(change, changed)
             # a frame that was filled in, or cleaned by itself, says nothing about contact
             rest = seen[block] * (1 - alone[block]) * (1 - share)
             spread = spread * (1 - rest).sqrt()[:, None]
@@ -76,7 +76,7 @@ def joint_spread(
     return spread
 
 
-def counted(change: Float[Tensor, "*N"], changed: float) -> Float[Tensor, "*N"]:
+def variance_share(change: Float[Tensor, "*N"], changed: float) -> Float[Tensor, "*N"]:
     """Share of the variance over samples that counts, by the change from input to result, and by
     the one at which half of the variance counts, metres."""
     share = change.square() / (change.square() + changed**2)

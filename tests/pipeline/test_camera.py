@@ -78,9 +78,9 @@ def test_contact_is_judged_without_the_ray_too_where_the_object_rests(
     quick_presets.use(monkeypatch)
     rays, spatial = [], stage_run.denoise_spatial
 
-    def noted(*args, **settings):
-        rays.append(args[3].ray is not None)
-        return spatial(*args, **settings)
+    def noted(*args, context, **settings):
+        rays.append(context.ray is not None)
+        return spatial(*args, context=context, **settings)
 
     monkeypatch.setattr(stage_run, "denoise_spatial", noted)
     part = seen_from(clean[frames], torch.tensor([[0.5, 0.4, 2.0]]), "here")

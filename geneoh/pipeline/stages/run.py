@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -158,25 +159,14 @@ class StageRun:
     ) -> tuple[HandParameters, Float[Tensor, " T"]]:
         """`denoise_spatial`. Along a camera's ray nearly any hand can be moved to an object; if the
         object rests, contact must determine the position to some extent without the ray, too."""
-        found, width = denoise_spatial(
-            self.denoisers.spatial,
-            observed,
-            hand,
-            context,
-            plan,
-            generator=self.generator,
-            on_step=self.progress_of("spatial"),
-        )
+        place = partial(denoise_spatial, self.denoisers.spatial, observed, hand, plan=plan)
+        on_step = self.progress_of("spatial")
+        found, width = place(context=context, generator=self.generator, on_step=on_step)
         if context.ray is None or not context.rests:
             return found, width
-        _, wide = denoise_spatial(
-            self.denoisers.spatial,
-            observed,
-            hand,
-            replace(context, ray=None),
-            plan,
-            generator=torch.Generator().manual_seed(self.generator.initial_seed()),
-        )
+        # its own generator, so that the samples stay as they are
+        again = torch.Generator().manual_seed(self.generator.initial_seed())
+        _, wide = place(context=replace(context, ray=None), generator=again)
         return found, width.maximum(WITHOUT_RAY * wide)
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:

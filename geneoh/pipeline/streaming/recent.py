@@ -53,10 +53,10 @@ HELD, HOLD = 2, 30.0
 """Number of already returned frames in the fit, and their weight relative to new frames."""
 AHEAD = 2  # frames after the requested ones that the fit includes
 SETTLED = WINDOW  # observed frames after which the hand shape is fixed
-ERROR_RATIO = 3.0
-"""As of `geneoh.pipeline.spread`, with two samples and few frames after the newest ones, from
-`tools.stream_lags`: 81% of the true keypoints of synthetic clips are in the 90% radius at a lag of
-0.1 s, 85% at 0.3 s and 98% at 1 s."""
+STREAM_ERROR_RATIO = 3.0
+"""`ERROR_RATIO` of `geneoh.pipeline.spread` with two samples and few frames after the newest ones,
+from `tools.stream_lags`: 81% of the true keypoints of synthetic clips are in the 90% radius at a
+lag of 0.1 s, 85% at 0.3 s and 98% at 1 s."""
 KEYPOINT_STEPS = 8  # of the fit to keypoints alone, which goes on in the next frames
 
 
@@ -163,7 +163,9 @@ class RecentHand:
         new = slice(self._done - first, stop - first)
         spread, seen = None, (subject.trust > 0).any(-1)
         if len(samples) > 1:
-            spread = joint_spread(samples, ERROR_RATIO, alone=1 - evidence, observed=seen)[new]
+            spread = joint_spread(samples, STREAM_ERROR_RATIO, alone=1 - evidence, observed=seen)[
+                new
+            ]
         made = clean_track(state, joints, subject.betas, self._model.name, spread)
         contact: Sequence[Tensor | None] = [None] * made.frames
         if surface is not None:
