@@ -46,7 +46,13 @@ reader_options = options.together(
     option(
         "--mean-pose/--no-mean-pose: Whether bare MANO parameters are relative to MANO's mean pose."
     ),
-    option("--focal: Focal length of the camera in pixels, for HaMeR and WiLoR.", float),
+    option("--focal: Focal length of the camera in pixels, for HaMeR, WiLoR and MediaPipe.", float),
+    option(
+        "--image-size: Width and height of the camera's images in pixels, as 1280x720: with them "
+        "and --focal the hands of --from landmarks, if MediaPipe's, get their places before the "
+        "camera.",
+        metavar="WxH",
+    ),
     options.camera,
     option(
         "--camera-pose: Poses of a camera that moves, camera to world, where hands and object are "

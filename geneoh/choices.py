@@ -146,6 +146,7 @@ POSE_FRAMES: tuple[PoseFrame, ...] = get_args(PoseFrame)
 
 OF_SOURCES = (
     *("objects", "body", "object_pose_frame", "translation", "swap_parts", "mean_pose", "focal"),
+    "image_size",
 )
 """Reading options that apply only where the source of a file is named."""
 

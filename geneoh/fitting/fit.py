@@ -159,10 +159,8 @@ def _fit_frames(
                 found = found + surface_term(at, shaped, planes)
             return found
 
-        here = equations(state)
-        for _ in range(2 if around else config.iterations):
-            state, here, damping = _step(state, here, equations, steady, damping)
-            report()
+        steps = 2 if around else config.iterations
+        state, damping = minimise(state, equations, steady, damping, steps=steps, report=report)
     return state
 
 
@@ -191,6 +189,26 @@ def steadiness_weight(config: FitConfig) -> Float[Tensor, " 51"]:
     weight = torch.zeros(UNKNOWNS)
     weight[:3], weight[3:48] = config.steady_wrist, config.steady_finger
     return weight
+
+
+def minimise(
+    state: HandState,
+    equations: Callable[[HandState], Equations],
+    weight: Float[Tensor, " 51"],
+    damping: Float[Tensor, "S D"],
+    *,
+    steps: int,
+    report: Callable[[], None] = lambda: None,
+) -> tuple[HandState, Float[Tensor, "S D"]]:
+    """The state after some Levenberg-Marquardt steps on `equations`, and its damping.
+
+    `weight` couples neighbouring frames (see `steadiness`); `report` is called after each step.
+    """
+    here = equations(state)
+    for _ in range(steps):
+        state, here, damping = _step(state, here, equations, weight, damping)
+        report()
+    return state, damping
 
 
 def _step(

@@ -72,9 +72,10 @@ class Equations(Bundle):
         return Equations(*(mine + theirs for mine, theirs in pairs))
 
 
-def _normal_equations(
+def normal_equations(
     residual: Float[Tensor, "S T R"], jacobian: Float[Tensor, "S T R 51"]
 ) -> Equations:
+    """Normal equations of R squared residuals in each frame."""
     return Equations(
         residual.square().sum(-1),
         torch.einsum("...ru,...r->...u", jacobian, residual),
@@ -133,7 +134,7 @@ def keypoint_term(
     """Squared distance to target keypoints; `weight` is 1 / standard deviation, 1/m."""
     residual = (keypoints.points - target) * weight[..., None]
     jacobian = keypoints.slope * weight[..., None, None]
-    return _normal_equations(residual.flatten(-2), jacobian.flatten(-3, -2))
+    return normal_equations(residual.flatten(-2), jacobian.flatten(-3, -2))
 
 
 def finger_term(keypoints: MovingKeypoints, shaped: ShapedHand, weight: float) -> Equations:
@@ -147,7 +148,7 @@ def finger_term(keypoints: MovingKeypoints, shaped: ShapedHand, weight: float) -
     overlapping = (gap < 0).to(gap) * weight
     along = weights[..., None] * apart[..., None, :] * overlapping[..., None, None]
     rows = along.flatten(-2) @ keypoints.slope.flatten(-3, -2)
-    return _normal_equations(gap * overlapping, rows)
+    return normal_equations(gap * overlapping, rows)
 
 
 def _between_fingers() -> Float[Tensor, "C 21"]:
@@ -217,7 +218,7 @@ def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equati
     rotate = (turn.mT @ across).flatten(-3, -2)
     jacobian = torch.cat([rotate, normal.mT], dim=-2) * planes.weight[..., None, :]
     height = ((each.sum(-3).mT - planes.closest) * normal).sum(-1) * planes.weight
-    return _normal_equations(height, jacobian.mT)
+    return normal_equations(height, jacobian.mT)
 
 
 def steadiness(

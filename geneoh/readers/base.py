@@ -26,6 +26,8 @@ from geneoh.sequence.windows import runs
 
 Place = tuple[float | int, float | int, float | int]
 """A point of the world, metres."""
+ImageSize = tuple[int, int]
+"""Width and height in pixels."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class ReaderOptions:
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
     """Focal length of the camera in pixels, for image-based estimators."""
+    image_size: ImageSize | None = None
+    """Size of its images, with whose landmarks and `focal` MediaPipe's hands get their places."""
     camera: Place | None = None
     """Position of the camera in the world, metres, instead of the source's own."""
     camera_pose: PoseTrack | None = None
@@ -104,6 +108,21 @@ def place_in(text: str) -> Place:
             f"expected three numbers X,Y,Z in metres, or origin, got {text!r}; correct it"
         ) from None
     return x, y, z
+
+
+def image_size_of(given: Any) -> ImageSize:
+    """The size of images in the text `WIDTHxHEIGHT`, or a pair; `ConfigError` for anything else."""
+    sides = given.lower().split("x") if isinstance(given, str) else given
+    try:
+        width, height = (int(str(side)) for side in sides)
+    except (TypeError, ValueError):
+        width = height = 0
+    if min(width, height) < 1:
+        raise ConfigError(
+            f"--image-size: expected WIDTHxHEIGHT in pixels, such as 1280x720, got {given!r:.60}; "
+            "correct it"
+        )
+    return width, height
 
 
 MOVED_DISTANCE = 0.03

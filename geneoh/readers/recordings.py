@@ -21,6 +21,7 @@ from geneoh.readers.base import (
     SourceClip,
     clip_name,
     fit_for_name,
+    image_size_of,
     place_of,
 )
 from geneoh.readers.object_poses import poses_of
@@ -43,7 +44,8 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
             `focal`. Instead of `meshes` pass `obj`, the mesh of the object or its file, or one per
             rigid part, and `unit`, the unit of the files. `object_pose` may be an array, or a path
             that `geneoh.readers.object_poses.read_poses` reads, with lengths in `keypoint_unit`;
-            the same holds for `camera_pose`; `camera` may be "origin".
+            the same holds for `camera_pose`; `camera` may be "origin", and `image_size`
+            "1280x720".
 
     Raises:
         ConfigError: there is no source of that name, or it does not use one of the options.
@@ -85,6 +87,8 @@ def options_with_files(
     poses = poses_of(object_pose, "geneoh.read", keypoint_unit)
     if (camera := others.get("camera")) is not None:
         others["camera"] = place_of(camera, "geneoh.read")
+    if (size := others.get("image_size")) is not None:
+        others["image_size"] = image_size_of(size)
     cameras = poses_of(camera_pose, "geneoh.read", keypoint_unit, "camera")
     found = {"object_pose": poses, "camera_pose": cameras}
     return ReaderOptions(meshes=meshes_of(obj, unit), **found, **others)

@@ -1,5 +1,7 @@
 """`geneoh denoise --from SOURCE`: data sets in miniature, cleaned through the command line."""
 
+import json
+
 import numpy as np
 import pytest
 import quick_presets
@@ -74,6 +76,28 @@ def test_an_estimators_hands_are_cleaned_against_the_callers_object(
     np.testing.assert_allclose(clean.object.translation[:, 0], s.shift, atol=1e-6)
 
 
+def test_hands_of_mediapipe_get_their_places_before_the_camera(geneoh, tmp_path, mano_dir):
+    s = scene("right")
+    joints = s.joints["right"] - s.joints["right"].mean((0, 1)) + [0.1, 0.0, 0.6]
+    image = np.concatenate([600 * joints[..., :2] / joints[..., 2:] / (640, 480) + 0.5], axis=-1)
+    depth = (joints[..., 2:] - joints[:, :1, 2:]) / 0.6
+    world = joints - joints.mean(1, keepdims=True)
+    listed = zip(np.concatenate([image, depth], axis=-1), world, strict=True)
+    results = [
+        {
+            name: [[dict(zip("xyz", map(float, point), strict=True)) for point in hand]]
+            for name, hand in zip(("hand_landmarks", "hand_world_landmarks"), pair, strict=True)
+        }
+        for pair in listed
+    ]
+    (tmp_path / "hands.json").write_text(json.dumps(results))
+    asked = ("--focal", 600, "--image-size", "640x480", "--side", "right", "--fps", 30)
+    told, clean = cleaned(geneoh, mano_dir, "landmarks", "hands.json", *asked)
+    assert "placed before the camera as of mean size" in told.stdout
+    (hand,) = clean.hands
+    assert 1e3 * np.linalg.norm(hand.joints.numpy() - joints, axis=-1).mean() < 80
+
+
 @pytest.mark.parametrize("source", [(), ("--from", "keypoints")])
 def test_hands_in_the_frame_of_a_camera_are_cleaned_in_the_world(geneoh, tmp_path, source):
     s = scene("right")
@@ -126,6 +150,7 @@ def test_a_folder_given_as_a_dot_has_its_result_beside_it(geneoh, tmp_path, mano
     [
         ("--translation", "wrist"),
         ("--focal", "600"),
+        ("--image-size", "640x480"),
         ("--no-mean-pose",),
         ("--objects", "."),
         ("--body", "body.npz"),

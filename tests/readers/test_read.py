@@ -216,6 +216,7 @@ UNUSED = {
     "body": Path("body.npz"),
     "objects": Path("nowhere"),
     "focal": 500.0,
+    "image_size": (640, 480),
     "translation": "origin",
     "joint_order": "aria",
     "keypoint_unit": "mm",

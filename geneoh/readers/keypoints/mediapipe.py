@@ -7,9 +7,9 @@ landmarks are read in `geneoh.readers.keypoints.tables`.
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain, pairwise
+from itertools import chain, pairwise, zip_longest
 from operator import itemgetter
 from statistics import median
 from typing import Any
@@ -47,9 +47,15 @@ LARGEST_FRAME_STEP = 10
 
 NOTES = (
     "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
-    "through the world is not in them, and the object's poses must be about that centre too",
+    "through the world is not in them, and the object's poses must be about that centre too; "
+    "--from landmarks with --focal and --image-size places them before the camera",
     "MediaPipe's older Hands name sides as in a mirrored picture; --side says otherwise",
 )
+
+
+def nowhere() -> Array:
+    """(21, 3) points that are not known."""
+    return np.full((21, 3), np.nan)
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,8 @@ class LandmarkTrack:
     """(T, 21, 3), NaN where it was not seen."""
     trust: Array
     """(T,) confidence from 0 to 1, or (T, 21) of each point."""
+    image: Array = field(default_factory=nowhere)
+    """(T, 21, 3) landmarks of the picture, or (21, 3) if there are none; see `Detected`."""
 
     @property
     def confidence(self) -> Array:
@@ -87,14 +95,21 @@ class Landmarks:
     """Unit of the points, if the caller names none."""
 
 
-def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
-    """The hands in the value of a JSON file; None if it is no result of MediaPipe."""
+def read_results(
+    value: Any, where: str, side: Side | None, *, in_picture: bool = False
+) -> Landmarks | None:
+    """The hands in the value of a JSON file; None if it is no result of MediaPipe.
+
+    A hand with landmarks of the picture alone is refused unless `in_picture`, which makes its
+    points NaN.
+    """
     frames = frames_in(value)
     results = [frame for frame in frames if isinstance(frame, dict)]
     names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
     if any(map(is_one_hand, results)) or not any(names & frame.keys() for frame in results):
         return None
-    tracks, notes = tracks_in(frames, where, side, partial(hands_in, side=side))
+    hands_of = partial(hands_in, side=side, in_picture=in_picture)
+    tracks, notes = tracks_in(frames, where, side, hands_of)
     return Landmarks(tracks, (*NOTES, *notes), stamps_in(value, frames, where))
 
 
@@ -205,6 +220,7 @@ def tracks_in(
             track = found.setdefault(hand.side, empty_track(len(frames)))
             if hand.score > track.trust[index]:
                 track.points[index], track.trust[index] = hand.points, hand.score
+                track.image[index] = hand.image
                 latest[hand.side] = hand.points
     if most == 1:
         return as_one_hand(found, side)
@@ -222,24 +238,46 @@ class Detected:
     side: Side | None
     score: float
     points: Array
+    image: Array = field(default_factory=nowhere)
+    """(21, 3) landmarks of the picture: places in fractions of its width and its height, and depths
+    in widths; NaN where there are none."""
 
 
-def hands_in(frame: Any, where: str, side: Side | None) -> list[Detected]:
+def hands_in(
+    frame: Any, where: str, side: Side | None, *, in_picture: bool = False
+) -> list[Detected]:
     """The hands of one result of MediaPipe; `side` is for hands without one."""
     record = as_record(frame, where)
-    world, sides = field_of(record, WORLD), field_of(record, SIDE_FIELDS)
-    found = []
-    for number, points in enumerate(world):
+    sides, found = field_of(record, SIDE_FIELDS), []
+    for number, points in enumerate(_points_of(record, WORLD, IMAGE, in_picture)):
         label, score = label_of(sides[number] if number < len(sides) else None)
-        found.append(Detected(label or side, score, points_in(points, record.where)))
+        found.append(Detected(label or side, score, *points))
     for known, names in OF_SIDE.items():
-        if points := field_of(record, names):
-            points = points[0] if isinstance(points[0], list) else points
-            found.append(Detected(known, 1.0, points_in(points, record.where)))
-    image = (*IMAGE, *(f"{side}_hand_landmarks" for side in SIDES))
-    if not found and field_of(record, image):
-        raise image_landmarks(record.where)
+        of_side = _points_of(record, names, image_names(names), in_picture)
+        found += [Detected(known, 1.0, *points) for points in of_side]
     return found
+
+
+def _points_of(
+    record: Record, world: Iterable[str], image: Iterable[str], in_picture: bool
+) -> list[tuple[Array, ...]]:
+    """World landmarks, and those of the picture if `in_picture`, of each hand in some fields; NaN
+    where there are none. `InputError` for hands in the picture alone otherwise."""
+    ways = [field_of(record, names) for names in (world, image)]
+    ways = [[way] if way and isinstance(way[0], dict) and "x" in way[0] else way for way in ways]
+    if not in_picture:
+        if ways[1] and not ways[0]:
+            raise image_landmarks(record.where, ", or pass --focal and --image-size")
+        ways[1] = []
+    return [
+        tuple(nowhere() if points is None else points_in(points, record.where) for points in hand)
+        for hand in zip_longest(*ways)
+    ]
+
+
+def image_names(names: Iterable[str]) -> list[str]:
+    """The names of fields of the picture's landmarks beside those of the world's."""
+    return [name.replace("_world", "").replace("World", "") for name in names]
 
 
 def _on_both_sides(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
@@ -263,17 +301,22 @@ def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:
     """The tracks merged into one hand if no frame has two, and a note if frames differ in the side.
 
     The hand gets the caller's side, else that of most frames: MediaPipe guesses the side of each
-    frame, and a second hand would not appear just when the first one disappears.
+    frame, and a second hand would not appear just when the first one disappears. Landmarks of the
+    picture are kept only in frames of the more frequent side: in the others, which it takes for the
+    mirror image of the hand, they are two to three times as far off.
     """
     seen = {label: track.trust > 0 for label, track in tracks.items()}
     if len(tracks) < 2 or np.sum(list(seen.values()), axis=0).max() > 1:
         return tracks, ()
     counts: dict[Side, int] = {label: int(seen[label].sum()) for label in tracks if label}
-    named: Side = side or max(counts, key=counts.__getitem__)
+    frequent = max(counts, key=counts.__getitem__)
+    named = side or frequent
     whole = empty_track(len(next(iter(seen.values()))))
     for label, track in tracks.items():
         whole.points[seen[label]] = track.points[seen[label]]
         whole.trust[seen[label]] = track.trust[seen[label]]
+        if label in (frequent, None):
+            whole.image[seen[label]] = track.image[seen[label]]
     wrong = sum(count for label, count in counts.items() if label != named)
     note = (
         f"no frame has two hands, so that they are one {named} hand, though {wrong} of "
@@ -291,7 +334,8 @@ def field_of(record: Record, names: Iterable[str]) -> list[Any]:
 
 def empty_track(frames: int) -> LandmarkTrack:
     """A hand that was not seen."""
-    return LandmarkTrack(np.full((frames, 21, 3), np.nan), np.zeros(frames))
+    points, image = np.full((2, frames, 21, 3), np.nan)
+    return LandmarkTrack(points, np.zeros(frames), image)
 
 
 def points_in(value: Any, where: str) -> Array:
@@ -322,10 +366,10 @@ def refuse_image_landmarks(points: Array, where: str) -> None:
         raise image_landmarks(where)
 
 
-def image_landmarks(where: str) -> InputError:
+def image_landmarks(where: str, other_cure: str = "") -> InputError:
     """The error for landmarks in image coordinates, which are fractions of the image size."""
     return InputError(
         f"{where}: expected MediaPipe's world landmarks in metres, got landmarks of the picture, "
         "which have no size; save hand_world_landmarks (worldLandmarks, or keypoints3D of "
-        "TensorFlow.js) of the same results"
+        f"TensorFlow.js) of the same results{other_cure}"
     )

@@ -40,6 +40,7 @@ from geneoh.readers.keypoints.mediapipe import (
     read_results,
 )
 from geneoh.readers.keypoints.missing import without_missing
+from geneoh.readers.keypoints.picture import camera_of, placed_before_camera
 from geneoh.readers.keypoints.tables import as_rows, points_in_rows, read_rows
 from geneoh.readers.npz.hands import side_of
 from geneoh.readers.npz.layouts import quoted
@@ -66,12 +67,16 @@ def _clips(found: Iterable[Path], path: Path) -> Iterable[Path]:
 @reads(
     *("*.json", "*.jsonl", "*.csv"),
     choose=_clips,
-    takes=("joint_order", "keypoint_unit", "object_pose", "camera_pose"),
+    takes=("joint_order", "keypoint_unit", "object_pose", "camera_pose", "focal", "image_size"),
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
-    found = read_landmarks(clip.path, options.side, options.joint_order)
+    camera = camera_of(options)
+    placing = camera is not None
+    found = read_landmarks(clip.path, options.side, options.joint_order, in_picture=placing)
     scale = METRES[options.keypoint_unit or found.unit]
+    if camera is not None:
+        found, scale = placed_before_camera(found, *camera, str(clip.path), options.side), 1.0
     hands, notes = [], list(found.notes)
     for side, track in found.tracks.items():
         assert side is not None, "with_sides gives each hand a side"
@@ -90,26 +95,31 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     )
 
 
-def read_landmarks(path: Path, side: Side | None, order: JointOrder) -> Landmarks:
+def read_landmarks(
+    path: Path, side: Side | None, order: JointOrder, *, in_picture: bool = False
+) -> Landmarks:
     """The hands of a file in any supported format, each with its side.
 
-    `side` is the caller's, and `order` is the keypoint order of points without names.
+    `side` is the caller's, `order` is the keypoint order of points without names, and `in_picture`
+    allows MediaPipe's landmarks of the picture alone.
     """
     if path.suffix.lower() == ".csv":
         rows, names = read_rows(path)
         found = with_sides(points_in_rows(rows, names, path, side, order), str(path), side)
     else:
         value = read_value(path)
-        found = landmarks_in(value, path, side, order)
+        found = landmarks_in(value, path, side, order, in_picture=in_picture)
         frames = [each for each in (value, *frames_in(value)) if isinstance(each, dict)]
         names = list(dict.fromkeys(str(name) for frame in frames for name in frame))
     return replace(found, notes=(*found.notes, *notes_on_object(names)))
 
 
-def landmarks_in(value: Any, path: Path, side: Side | None, order: JointOrder) -> Landmarks:
+def landmarks_in(
+    value: Any, path: Path, side: Side | None, order: JointOrder, *, in_picture: bool = False
+) -> Landmarks:
     """As `read_landmarks`, from the value of a JSON file."""
     where = str(path)
-    found = read_results(value, where, side)
+    found = read_results(value, where, side, in_picture=in_picture)
     if order != "openpose" and (found or is_own(value)):
         raise InputError(
             f"{path}: --joint-order is for points in a list or with numbers, got JSON, which says "
