@@ -232,8 +232,7 @@ config_and_settings = together(
         metavar="NAME|PATH",
     ),
     many(
-        "--set settings: Change one value of the configuration, such as motion.depth=6. May be "
-        "repeated.",
+        "--set settings: Change one value of the configuration; may be repeated.",
         metavar="NAME=VALUE",
     ),
 )

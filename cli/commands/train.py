@@ -25,10 +25,9 @@ BODIES = "runs/bodies"
     required=True,
 )
 @options.many(
-    "--data sources: What to learn from; may be repeated. A folder alone holds made "
-    "interactions, and they are made where it is empty. SOURCE is one of `geneoh convert "
-    "--help`, or `sequences` for npz files; WEIGHT is its share of the windows, relative to "
-    "the others.",
+    "--data sources: What to learn from; may be repeated. A folder alone holds made clips; "
+    "interactions to clean are made where it is empty. SOURCE is one of `geneoh convert --help`, "
+    "or `sequences` for npz files; WEIGHT is its share of the windows, relative to the others.",
     show_default=f"{options.INTERACTIONS}; {ACTIONS} and {BODIES} for the generators",
     metavar="[SOURCE=]PATH[:WEIGHT]",
 )

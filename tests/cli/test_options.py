@@ -1,10 +1,17 @@
 import importlib
+import re
 from pathlib import Path
 
 import pytest
 from bad_inputs import write_good
 
+from geneoh.config import as_dict, flat
 from geneoh.errors import ConfigError
+from geneoh.evaluation.options import ProtocolOptions
+from geneoh.synthesis.action_shards import ActionSynthesisConfig
+from geneoh.synthesis.data_config import SynthesisConfig
+from geneoh.synthesis.gestures.shards import GestureConfig
+from geneoh.training.config import TrainConfig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -43,3 +50,18 @@ def test_a_unit_of_meshes_that_are_not_given_is_refused(geneoh, tmp_path, words)
     write_good(tmp_path)
     done = geneoh(*words, "--unit", "mm", code=2)
     assert "--unit is of the meshes of --obj, which is not given" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("train", (TrainConfig,)),
+        ("synthesize", (SynthesisConfig, ActionSynthesisConfig, GestureConfig)),
+        ("eval", (ProtocolOptions,)),
+    ],
+)
+def test_settings_that_help_names_are_settings_of_the_command(geneoh, name, kinds):
+    named = re.findall(r"[a-z_.]+=[a-z0-9.]*[a-z0-9]", geneoh(name, "--help").stdout)
+    known = {field for kind in kinds for field in flat(as_dict(kind()))}
+    assert named
+    assert {setting.partition("=")[0] for setting in named} <= known
