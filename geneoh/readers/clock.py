@@ -36,8 +36,9 @@ RATE_NAMES = ("fps", "frame_rate", "framerate", "mocap_frame_rate", "mocap_frame
 """Names of a frame rate, in the order of priority; case does not matter."""
 ASSUMED_FPS = 30.0
 """Frame rate that is assumed, with a note, for a file without one: the most common rate."""
-SLOWEST, FASTEST = 5.0, 240.0
-"""Range of frame rates, from which the unit of timestamps without a unit in their name follows."""
+SLOWEST, FASTEST = 4.9, 260.0
+"""Range of frame rates, from which the unit of timestamps without a unit in their name follows: 5
+to 240, also by the median step of times that are rounded to milliseconds."""
 EVEN = 0.1
 """Deviation in frames up to which frames are evenly spaced: cameras round, and milliseconds do."""
 GAP_FRAMES = 1.5
@@ -183,8 +184,9 @@ def clock_of(record: Record, frames: int, known: float | None) -> Clock | None:
     if name is None:
         return None
     clock = clock_from(record, name, known)
-    if not clock.at[-1] < MOST_FRAMES:
-        expected = f"less than {MOST_FRAMES} frames from first to last"
+    # at a high rate an hour has more frames; a wrong time must not fill the memory with gaps
+    if not clock.at[-1] < (most := max(MOST_FRAMES, 2 * frames)):
+        expected = f"less than {most} frames from first to last"
         raise record.refuse(name, expected, "cut the recording")
     return clock
 

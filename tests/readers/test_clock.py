@@ -121,6 +121,19 @@ def test_times_that_can_be_none_are_refused(more, words, tmp_path):
         geneoh.load(tmp_path / "hand.npz")
 
 
+@pytest.mark.parametrize("fps", [5, 240])
+@pytest.mark.parametrize("start", [0, 1000.5, 1.7e9])
+def test_the_unit_of_times_at_5_and_at_240_frames_a_second_is_found(fps, start):
+    times = start + np.arange(600) / fps
+    assert clock(time=times).fps == fps
+    assert clock(time=1000 * times).fps == fps
+    assert clock(time=np.round(1000 * times)).fps == pytest.approx(fps, rel=1e-3)
+
+
+def test_an_hour_at_a_high_rate_is_read_by_its_times():
+    assert clock(time=np.arange(240 * 3600) / 240).fps == 240
+
+
 def test_fields_that_are_no_column_of_numbers_are_left_alone(tmp_path):
     other = {"frames": np.array([0, 9]), "time": np.array(3.0), "frame": np.array(["a"] * 9)}
     np.savez(tmp_path / "hand.npz", **fields(np.arange(9) / 30, fps=np.array(30.0), **other))
