@@ -105,6 +105,7 @@ def clean_frames(
         InputError: a frame cannot be read, which the message names; or there is no frame.
     """
     streams: dict[Side, Stream] = {}
+    placed: dict[Side, frozenset[str]] = {}
     poses: deque[Fields] = deque()
     packed, frames = frames_in(source)
 
@@ -131,7 +132,7 @@ def clean_frames(
         made: dict[Side, CleanFrame] = {}
         for each, stream in streams.items():
             frame = stream.push(
-                hand_in(fields, each),
+                seen_in(fields, each, placed),
                 pose_in(fields, where),
                 camera_to_world=fields.get(CAMERA_POSES),
                 where=where,
@@ -236,6 +237,19 @@ def hand_in(fields: Fields, side: Side) -> Fields | None:
     found = {name: value for name, value in names.items() if not is_null(value)}
     ray = fields.get(CAMERA_FIELDS[0])
     return {**({} if is_null(ray) else {"camera_ray": ray}), **found} if found else None
+
+
+PLACED = frozenset(("joints", "pose", "wrist"))
+"""Fields of a hand without which it is lost, if it had them when it was first seen."""
+
+
+def seen_in(fields: Fields, side: Side, placed: dict[Side, frozenset[str]]) -> Fields | None:
+    """The fields of a hand as of `hand_in`, None where it is lost; `placed` keeps those of `PLACED`
+    that each hand had first."""
+    hand = hand_in(fields, side)
+    if hand is None or not hand.keys() >= placed.setdefault(side, PLACED & hand.keys()):
+        return None
+    return hand
 
 
 def is_null(value: Any) -> bool:

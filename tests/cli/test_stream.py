@@ -255,6 +255,21 @@ def test_null_within_numbers_and_an_empty_list_are_what_was_lost(stream, lines):
     assert [line["frame"] for line in found if line["right_filled"]] == [2, 5, 7]
 
 
+@pytest.mark.parametrize("name", ["right_pose", "right_wrist"])
+@pytest.mark.parametrize("value", [None, [], "left out"])
+def test_a_hand_without_one_of_its_fields_is_lost_in_a_later_line(stream, lines, name, value):
+    for line in lines:
+        line |= {"right_pose": [[0.0] * 3] * 16, "right_wrist": line["right_joints"][0]}
+        line["right_confidence"] = [1.0] * 21
+        del line["right_joints"]
+    lines[0] |= {"right_joints": None, name: lines[0][name]}
+    lines[5][name] = value
+    if value == "left out":
+        del lines[5][name]
+    found = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
+    assert [line["frame"] for line in found if line["right_filled"]] == [5]
+
+
 @pytest.mark.parametrize(
     ("times", "rate", "words"),
     [
