@@ -1,7 +1,8 @@
 """Convert a source's files to sequences, clip by clip; clips that cannot be read are reported.
 
-A clip is skipped if its last record in `converted.jsonl` has the same options and the input and
-output files named there are unchanged. An interrupted conversion therefore resumes.
+A clip is skipped if its last record in `converted.jsonl` has the same options, the input and output
+files named there are unchanged, and it was checked if it is to be. An interrupted conversion
+therefore resumes.
 """
 
 from collections.abc import Iterator
@@ -81,7 +82,8 @@ def convert(
         for clip in clips:
             described = _described(source, clip, options)
             record = known.get(clip.name, {})
-            if folder and not check and is_done(record, described, folder):
+            is_known = not check or record.get("checked")
+            if folder and is_known and is_done(record, described, folder):
                 yield ConversionOutcome(clip, tuple(record["files"]), skipped=True)
                 continue
             try:
@@ -145,7 +147,7 @@ def convert_clip(
     inputs = fingerprints({clip.path, *read}) | inputs
     made = {file: fingerprint(folder / file) for file in files}
     record = {"clip": clip.name, "asked": described, "inputs": inputs, "files": made}
-    append_journal(folder / CONVERTED, [record])
+    append_journal(folder / CONVERTED, [record | {"checked": check}])
     return ConversionOutcome(clip, files, notes=notes)
 
 

@@ -75,6 +75,13 @@ def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_
     assert not list((tmp_path / "out").rglob("*.npz"))
 
 
+def test_a_clip_that_was_checked_is_not_checked_again(tmp_path, mano_dir):
+    grab(tmp_path / "in", scene(), False)
+    clips = "grab", tmp_path / "in/grab", tmp_path / "out", ReaderOptions(mano_dir=mano_dir)
+    skipped = [run(*clips, check=check)[0].skipped for check in (False, True, True, False)]
+    assert skipped == [False, False, True, True]
+
+
 def test_a_mesh_that_cleaning_will_refuse_by_its_size_is_told():
     sequence = load(EXAMPLE, obj="examples/taco_object.obj")
     assert list(notes_on(Recording("clip", sequence))) == [sequence.source]
