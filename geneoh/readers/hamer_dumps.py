@@ -30,8 +30,9 @@ DEMO_FOCAL = 5000.0 / 256.0
 AS_DUMPED = "dump the estimator's output as the page on estimators shows"
 ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
 LIST_NOTE = (
-    "no 'frame' and no image has a numbered name: each entry is taken for the image after that of "
-    "the entry before; where images without hands were left out, list {} for them"
+    "no 'frame' and no names of images whose numbers mostly rise by 1: each entry is taken for the "
+    "image after that of the entry before; where images without hands were left out, list {} for "
+    "them"
 )
 PARAMETERS = ("global_orient", "hand_pose", "betas")
 MARKS = ("pred_mano_params", "wilor_preds", "hand_bbox", *PARAMETERS[:2])
