@@ -125,20 +125,50 @@ def there_and_back(
     found = np.zeros(len(places), dtype=bool)
     leaps = np.flatnonzero(steps > leap * max(1.0, 30 / fps)).tolist()
     for leave, back in pairwise(leaps):
-        if back - leave <= lasting * fps and is_there_and_back(places, steps, leave, back):
+        apart = float(np.linalg.norm(places[back + 1] - places[leave]))
+        if back - leave <= lasting * fps and is_there_and_back(apart, steps, leave, back):
             found[leave + 1 : back + 1] = True
     return found
 
 
+def turned_there_and_back(
+    rotations: Rotation, leap: float, fps: float, lasting: float
+) -> Bool[np.ndarray, " T"]:
+    """Frames between a sudden turn of more than `leap` radians and the turn back at most `lasting`
+    seconds later; of turns to and fro, those of the rarer of the two orientations.
+
+    A turn that is possible within a few frames is no fault for `longest_chain`, which then leaves
+    out the frames beside it: these turns are told by the calm before, between and after them.
+    """
+    steps = np.linalg.norm(increments(rotations), axis=1)
+    leaps = np.flatnonzero(steps > leap).tolist()
+    groups = [leaps[:1]]  # leaps of which each leads back from where the one before led
+    for leave, back in pairwise(leaps):
+        apart = float((rotations[leave].inv() * rotations[back + 1]).magnitude())
+        calm = np.where(steps > leap, 0.0, steps)
+        calm[[leave, back]] = steps[[leave, back]]
+        if back - leave <= lasting * fps and is_there_and_back(apart, calm, leave, back):
+            groups[-1].append(back)
+        else:
+            groups.append([back])
+    frames = np.arange(len(steps) + 1)
+    found = np.zeros(len(frames), dtype=bool)
+    for group in filter(None, groups):
+        turned = np.searchsorted(group, frames) % 2 == 1
+        rarer = turned if 2 * turned.sum() < len(frames) else ~turned
+        found |= rarer & (frames > group[0]) & (frames <= group[-1])
+    return found
+
+
 def is_there_and_back(
-    places: Float64[np.ndarray, "T 3"], steps: Float64[np.ndarray, " N"], leave: int, back: int
+    apart: float, steps: Float64[np.ndarray, " N"], leave: int, back: int
 ) -> bool:
     """Whether the steps after the frames `leave` and `back` lead away and back: both are larger
-    than those around them, with which a point gets from the one side to the other in that time."""
+    than those around them, with which a track gets from the one side to the other, which are
+    `apart`, in that time."""
     start = max(leave - COMPARED_STEPS, 0)
     around = np.delete(steps[start : back + 1 + COMPARED_STEPS], [leave - start, back - start])
     usual, leaps = around.max(initial=0.0), steps[[leave, back]]
-    apart = np.linalg.norm(places[back + 1] - places[leave])
     possible = apart <= min(leaps.mean(), usual * (back - leave + 1))
     return bool(possible and leaps.min() > CUT_RATIO * usual)
 

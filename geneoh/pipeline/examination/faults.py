@@ -18,7 +18,12 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import numbered
-from geneoh.objects.consistency import longest_chain, possible_places, there_and_back
+from geneoh.objects.consistency import (
+    longest_chain,
+    possible_places,
+    there_and_back,
+    turned_there_and_back,
+)
 from geneoh.objects.palms import RigidMotion, palm_at
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
@@ -45,6 +50,9 @@ SAME, LEAP = 2e-5, 0.003
 No hand stops abruptly after a step longer than `LEAP`, metres at 30 frames a second."""
 AWAY_LEAP = 0.08
 """Least step of a palm that leaves for a while and comes back, metres at 30 frames a second."""
+AWAY_TURN = 1.5
+"""Least turn of a palm in one frame that turns over for a while and back, radians; more at lower
+frame rates, up to `LARGEST_TURN`."""
 BACKWARD, CURL_JUMP = -0.2, 0.4
 """Curl of the fingers, in palm lengths, below which they bend backward like a hand of the other
 side, and its least difference to the neighbouring frames."""
@@ -106,7 +114,9 @@ def faults(
     if int(seen.sum()) < FEWEST_OBSERVED:
         return
     track = keypoint_track(hand, fps, motion)
-    gone = away(track) & seen
+    elsewhere = away(track) & seen
+    flipped = turned_away(track) & seen & ~elsewhere
+    gone = elsewhere | flipped
     if bool(gone.any()):  # the others are sought in the track without these
         hand, seen = replace(hand, valid=hand.valid & ~gone), seen & ~gone
         track = keypoint_track(hand, fps, motion)
@@ -118,7 +128,9 @@ def faults(
         wrong = wrong if few else track.nothing
         seen = seen & ~wrong
         if find is displaced:
-            wrong = wrong | gone
+            wrong = wrong | elsewhere
+        if find is turned_over:
+            wrong = wrong | flipped
         if bool(wrong.any()):
             yield wrong, words, of_fingers
 
@@ -235,6 +247,20 @@ def turned_over(track: KeypointTrack) -> Bool[Tensor, " T"]:
     limit = min(limit, LARGEST_TURN)
     return track.in_all(
         palms, lambda palm: ~longest_chain(palm, limit, ALL_THE_SAME, track.fps, SHOT_SECONDS).kept
+    )
+
+
+def turned_away(track: KeypointTrack) -> Bool[Tensor, " T"]:
+    """Frames between a sudden turn of the palm and the turn back at most `SHOT_SECONDS` later, as
+    of an estimator that takes the back of the hand for the palm in between.
+
+    The longer they last, the more easily `longest_chain` takes them for motion, and leaves out
+    frames beside them, in which the hand could turn over.
+    """
+    least = min(AWAY_TURN * max(1.0, 30 / track.fps), LARGEST_TURN)
+    palms = [palm.turns for palm in track.palms]
+    return track.in_all(
+        palms, lambda palm: turned_there_and_back(palm, least, track.fps, SHOT_SECONDS)
     )
 
 

@@ -83,6 +83,27 @@ def test_a_tracker_that_follows_another_hand_for_half_a_second_comes_back(clean,
     assert missing(with_hand(sequence, joints=mixed)) == list(range(50, 68))
 
 
+@pytest.mark.parametrize("frames", [5, 12, 16, 19])
+@pytest.mark.parametrize("noise", ["gauss", "gauss_strong", "drift"])
+def test_a_hand_that_is_turned_over_for_half_a_second_is_missing(clean, frames, noise):
+    given = corrupt_sequence(clean, noise, generator=torch.Generator().manual_seed(3))
+    mixed = given.hands[0].joints.clone()
+    turned = slice(50, 50 + frames)
+    mixed[turned] = turned_about_its_axis(given.hands[0])[turned]
+    given = with_hand(given, joints=mixed, pose=None, wrist=None, betas=None)
+    assert missing(given) == list(range(50, 50 + frames))
+
+
+@pytest.mark.parametrize(("frames", "between"), [(6, 3), (10, 6), (12, 19)])
+def test_of_a_hand_that_is_turned_over_twice_the_frames_between_are_kept(clean, frames, between):
+    mixed = clean.hands[0].joints.clone()
+    again = 50 + frames + between
+    for turned in (slice(50, 50 + frames), slice(again, again + frames)):
+        mixed[turned] = turned_about_its_axis(clean.hands[0])[turned]
+    given = with_hand(clean, joints=mixed, pose=None, wrist=None, betas=None)
+    assert missing(given) == [*range(50, 50 + frames), *range(again, again + frames)]
+
+
 def test_hand_and_object_of_a_video_that_is_cut_to_and_fro_are_no_fault(clean):
     shift = torch.zeros(clean.frames, 1, 3)
     shift[50:68] = torch.tensor([0.2, -0.2, 0.1])
