@@ -223,8 +223,28 @@ def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
     limit = views.limit(limit, RigidMotion.place_changes)
     found = possible_places(places, limit, fps, ACCEPTED_SECONDS)
     briefly = ACCEPTED_SECONDS - 1 / fps
-    for seen in (views.world, *views.from_calm_palms()):
-        found = found & ~there_and_back(seen.places, LEAP, fps, briefly)
+    found = found & ~there_and_back(places, LEAP, fps, briefly)
+    for palm, seen in views.from_calm_palms():
+        leaps = there_and_back(seen.places, LEAP, fps, briefly)
+        found = found & ~of_the_part(leaps, places, palm.places)
+    return found
+
+
+def of_the_part(
+    leaps: Bool[np.ndarray, " T"],
+    part: Float64[np.ndarray, "T 3"],
+    palm: Float64[np.ndarray, "T 3"],
+) -> Bool[np.ndarray, " T"]:
+    """Of the frames between leaps of a part in the frame of a palm, those of leaps of the part: in
+    the world its step changes by more than that of the palm at the leaps. Else the palm leaps, as
+    in a gross error of the hand's tracker. Positions are in the world, metres."""
+    found = leaps.copy()
+    changes = [np.linalg.norm(np.diff(each, n=2, axis=0), axis=1) for each in (part, palm)]
+    for run in runs(leaps):
+        steps = np.array([run.start - 1, run.stop - 1])  # changes i - 1 and i are beside step i
+        beside = np.concatenate([steps - 1, steps]).clip(0, len(changes[0]) - 1)
+        of_part, of_palm = (each[beside].max() for each in changes)
+        found[run] = of_part > of_palm
     return found
 
 

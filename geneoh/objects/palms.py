@@ -167,10 +167,11 @@ class Views:
         long = [(palm, view) for palm, view in views if view.is_long]
         return cls(world, tuple(palm for palm, _ in long), tuple(view for _, view in long))
 
-    def from_calm_palms(self) -> Iterator[RigidMotion]:
-        """The motion in the frame of each palm without its white noise."""
+    def from_calm_palms(self) -> Iterator[tuple[RigidMotion, RigidMotion]]:
+        """Each palm without its white noise, and the motion in its frame."""
         for palm in self.palms:
-            yield self.world.as_seen_from(palm.without_noise)
+            calm = palm.without_noise
+            yield calm, self.world.as_seen_from(calm)
 
     def turn_noise(self, summary: Summary = np.median) -> float:
         """Standard deviation per axis of the part's own rotational white noise, radians: the least

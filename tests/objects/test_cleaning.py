@@ -289,6 +289,19 @@ def test_places_to_which_an_object_leaps_for_a_while_are_left_out(frames, carrie
     assert np.flatnonzero(found.left_out[:, 0].numpy()).tolist() == [*range(start, start + frames)]
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_an_object_does_not_leap_where_the_hand_leaps_by_a_gross_error(seed):
+    time = np.arange(FRAMES) / FPS
+    swung = 0.25 * np.stack([np.sin(time), np.cos(time), 0 * time], axis=1)
+    motion = track_of(WEDGE, np.tile(np.eye(3), (FRAMES, 1, 1)), swung)
+    hand = swung + 0.002 * np.random.default_rng(seed).standard_normal((FRAMES, 3))
+    hand[60:63] += [0.035, 0.025, 0.04]
+    palm = RigidMotion(Rotation.identity(FRAMES), hand, np.ones(FRAMES, dtype=bool))
+    cleaned, found = clean_object(motion, FPS, (palm,))
+    assert not found.left_out.any()
+    assert cleaned.translation.equal(motion.translation)
+
+
 def test_a_place_that_lasts_is_believed():
     motion = lifted(WEDGE)
     translation = motion.translation.clone()
