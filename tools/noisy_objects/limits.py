@@ -12,7 +12,8 @@ from geneoh.choices import ObjectNoise
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.drift import DRIFT_SECONDS
 from geneoh.objects.holding import Frame
-from geneoh.objects.refine import path, poses_of, refine_object, solve
+from geneoh.objects.palms import world_path
+from geneoh.objects.refine import poses_of, refine_object, solve
 from geneoh.objects.symmetry import Symmetry
 from geneoh.sequence.object_noise import DEGREES, METRES_PER_DEGREE
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -77,9 +78,9 @@ def track_of(given: ObjectTrack, poses: Poses) -> ObjectTrack:
 
 def along(start: Poses, seen: Poses, size: float) -> Poses:
     """A noisy track after a Gaussian filter; rotations are filtered along a path close to them."""
-    gap = path(start[0]) + (seen[0] * start[0].inv()).as_rotvec()
+    gap = world_path(start[0]) + (seen[0] * start[0].inv()).as_rotvec()
     turned, places = (gaussian_filter1d(x, size, axis=0, mode="nearest") for x in (gap, seen[1]))
-    return Rotation.from_rotvec(turned - path(start[0])) * start[0], places
+    return Rotation.from_rotvec(turned - world_path(start[0])) * start[0], places
 
 
 def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps: float) -> Poses:
@@ -87,10 +88,10 @@ def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps:
     count = len(seen[1])
     noise = np.array([np.radians(DEGREES[kind]), METRES_PER_DEGREE * DEGREES[kind]]) / 6**0.5
     steps = np.linalg.norm(np.diff(truth[1], axis=0), axis=1)
-    steps += 0.05 * np.linalg.norm(np.diff(path(truth[0]), axis=0), axis=1)
+    steps += 0.05 * np.linalg.norm(np.diff(world_path(truth[0]), axis=0), axis=1)
     rest = (steps < STILL) / (STILL / 3) ** 2
     turn, shift = Frame.of_world(count).step(np.arange(count - 1))
-    bends = [np.square(np.diff(x, n=2, axis=0)).mean(1) for x in (path(truth[0]), truth[1])]
+    bends = [np.square(np.diff(x, n=2, axis=0)).mean(1) for x in (world_path(truth[0]), truth[1])]
     stiff = [
         1 / (uniform_filter1d(b, WINDOW) + (0.02 * n) ** 2)
         for b, n in zip(bends, noise, strict=True)
@@ -101,7 +102,7 @@ def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps:
     places = solve(seen[1], ones, sizes[1], stay, loose, [], moves, none, stiff[1])
     turns = start[0]
     for _ in range(4):
-        gap, steps = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), axis=0)
+        gap, steps = (seen[0] * turns.inv()).as_rotvec(), np.diff(world_path(turns), axis=0)
         moves, bend = [(turn, -steps, rest / 36)], -np.diff(steps, axis=0)
         change = solve(gap, ones, sizes[0], stay, loose, [], moves, bend, stiff[0])
         turns = Rotation.from_rotvec(change) * turns
