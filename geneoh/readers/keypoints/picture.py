@@ -5,21 +5,17 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from geneoh.choices import OTHER_SIDE, Side
+from geneoh.choices import Side
 from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.fitting.before_camera import hand_before_camera
 from geneoh.hand.library import mean_hand
 from geneoh.readers.base import ImageSize, ReaderOptions
-from geneoh.readers.checks.hands import curls_backward
 from geneoh.readers.keypoints.mediapipe import NOTES, Landmarks, LandmarkTrack
 from geneoh.readers.records import Array, float32
 
 PLACED_NOTE = (
     "hands are placed before the camera as of mean size, by their landmarks of the picture: "
     "coordinates are the camera's, x to the right, y down, z forward"
-)
-TURNED_NOTE = (
-    "by its fingers it is a {} hand, as in a picture that is not mirrored; --side says otherwise"
 )
 UNSEEN_NOTE = (
     "the {} hand counts as not seen in {}, which name the other side, or lack its landmarks of the "
@@ -41,30 +37,20 @@ def camera_of(options: ReaderOptions) -> tuple[float, ImageSize] | None:
     return None
 
 
-def placed_before_camera(
-    found: Landmarks, focal: float, size: ImageSize, where: str, side: Side | None
-) -> Landmarks:
-    """The landmarks with each hand in the frame of the camera that saw it.
-
-    Where the caller names no `side`, a single hand gets that of its fingers: the older Hands name
-    the other one for a picture that is not mirrored.
-    """
+def placed_before_camera(found: Landmarks, focal: float, size: ImageSize, where: str) -> Landmarks:
+    """The landmarks with each hand, which has a side, in the frame of the camera that saw it."""
     tracks, notes = {}, found.notes[len(NOTES) :]
-    for named, track in found.tracks.items():
-        assert named is not None, "hands that are placed have a side"
+    for side, track in found.tracks.items():
+        assert side is not None, "hands that are placed have a side"
         seen = np.asarray(np.isfinite(track.image).all((-1, -2)))
         if not seen.any():
             raise InputError(
                 f"{where}: --focal and --image-size place MediaPipe's hands by their landmarks of "
                 "the picture (hand_landmarks), got none; save them too, or drop the options"
             )
-        alone = side is None and len(found.tracks) == 1
-        if alone and curls_backward(float32(track.points[seen]), named):
-            named = OTHER_SIDE[named]
-            notes = (*notes, TURNED_NOTE.format(named))
         if count := int((track.trust > 0).sum() - seen.sum()):
-            notes = (*notes, UNSEEN_NOTE.format(named, numbered(count, "frame")))
-        tracks[named] = _placed(track, seen, named, focal, size)
+            notes = (*notes, UNSEEN_NOTE.format(side, numbered(count, "frame")))
+        tracks[side] = _placed(track, seen, side, focal, size)
     return replace(found, tracks=tracks, notes=(PLACED_NOTE, *notes), camera=np.zeros(3))
 
 

@@ -33,6 +33,7 @@ from geneoh.readers.column_names import words_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.keypoints.json_hands import read_hands
 from geneoh.readers.keypoints.mediapipe import (
+    NOTES,
     Landmarks,
     LandmarkTrack,
     Tracks,
@@ -52,6 +53,7 @@ OF_OPENPOSE = re.compile(r".*?(\d+)_keypoints\.json")
 SWAPPED_NOTE = (
     "both hands bend backward for the sides that the file names: the sides were exchanged"
 )
+TURNED_NOTE = "by its fingers it is a {} hand, which is taken for its side; --side says otherwise"
 OF_OBJECT = {"object", "objects", "obj"}
 """Words in names of fields about an object."""
 AS_DESCRIBED = "write it as the page on estimators says (Headsets)"
@@ -76,7 +78,7 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     found = read_landmarks(clip.path, options.side, options.joint_order, in_picture=placing)
     scale = METRES[options.keypoint_unit or found.unit]
     if camera is not None:
-        found, scale = placed_before_camera(found, *camera, str(clip.path), options.side), 1.0
+        found, scale = placed_before_camera(found, *camera, str(clip.path)), 1.0
     hands, notes = [], list(found.notes)
     for side, track in found.tracks.items():
         assert side is not None, "with_sides gives each hand a side"
@@ -211,6 +213,10 @@ def with_sides(found: Landmarks, where: str, given: Side | None) -> Landmarks:
     tracks = found.tracks
     if len(tracks) == 1:  # a detector guesses the side: the caller's has priority
         ((label, track),) = tracks.items()
+        guessed = None if given or NOTES[0] not in found.notes else label
+        if guessed and curls_backward(float32(track.points), guessed):
+            label = OTHER_SIDE[guessed]
+            found = replace(found, notes=(*found.notes, TURNED_NOTE.format(label)))
         return replace(found, tracks={given or label or side_of(Record(where, {}), None): track})
     if None in tracks:
         raise InputError(f"{where}: expected the side of each hand, got one without; add it")
