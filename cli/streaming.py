@@ -5,7 +5,7 @@ import json
 import logging
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,6 +19,7 @@ from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh_files import meshes_of
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.streaming.first_look import SECONDS
+from geneoh.pipeline.streaming.frame_reader import FOUND
 from geneoh.pipeline.streaming.stream import CleanFrame, Stream
 from geneoh.readers.clock import ASSUMED_FPS, CLOCK_NAMES, clock_of
 from geneoh.readers.npz.files import hand_arrays
@@ -28,7 +29,6 @@ from geneoh.readers.npz.layouts import (
     FORMAT,
     HAND_FIELDS,
     misspelt_fields,
-    own_names,
 )
 from geneoh.readers.records import Record
 
@@ -105,7 +105,6 @@ def clean_frames(
         InputError: a frame cannot be read, which the message names; or there is no frame.
     """
     streams: dict[Side, Stream] = {}
-    placed: dict[Side, frozenset[str]] = {}
     poses: deque[Fields] = deque()
     packed, frames = frames_in(source)
 
@@ -132,7 +131,7 @@ def clean_frames(
         made: dict[Side, CleanFrame] = {}
         for each, stream in streams.items():
             frame = stream.push(
-                seen_in(fields, each, placed),
+                hand_in(fields, each),
                 pose_in(fields, where),
                 camera_to_world=fields.get(CAMERA_POSES),
                 where=where,
@@ -168,7 +167,7 @@ def watched(
     wanted = round(SECONDS * fps)
     for number, (where, fields) in enumerate(frames):
         if number == 0:
-            expected |= {each for each in SIDES if fields.keys() & set(own_names(each).values())}
+            expected |= {*named_in(fields, SIDES)}
             for words in unread(fields, where):
                 LOG.warning("%s: %s", where, words)
         for late in SIDES:
@@ -219,8 +218,7 @@ def warn_of_times(frames: list[Fields], fps: float) -> None:
 
 def sides_in(fields: Fields, chosen: Side | None, where: str) -> list[Side]:
     """The sides to clean: all that the first frame names, even as null, or `chosen` alone."""
-    sides = SIDES if chosen is None else (chosen,)
-    found: list[Side] = [s for s in sides if any(n in fields for n in own_names(s).values())]
+    found = named_in(fields, SIDES if chosen is None else (chosen,))
     if not found:
         cure = "add one" if chosen is None else f"add one, or correct --side {chosen}"
         raise InputError(
@@ -231,25 +229,22 @@ def sides_in(fields: Fields, chosen: Side | None, where: str) -> list[Side]:
     return found
 
 
+def named_in(fields: Fields, sides: Sequence[Side]) -> list[Side]:
+    """The sides of which a frame names a field that places the hand, even as null."""
+    return [side for side in sides if any(f"{side}_{name}" in fields for name in FOUND)]
+
+
 def hand_in(fields: Fields, side: Side) -> Fields | None:
-    """The fields of a hand that are not null, without the side in their names; None without any."""
+    """The fields of a hand without the side in their names, None for those that are null or not
+    there; None where all are."""
     names = {name: fields.get(f"{side}_{name}") for name in HAND_FIELDS if name != "betas"}
-    found = {name: value for name, value in names.items() if not is_null(value)}
-    ray = fields.get(CAMERA_FIELDS[0])
-    return {**({} if is_null(ray) else {"camera_ray": ray}), **found} if found else None
-
-
-PLACED = frozenset(("joints", "pose", "wrist"))
-"""Fields of a hand without which it is lost, if it had them when it was first seen."""
-
-
-def seen_in(fields: Fields, side: Side, placed: dict[Side, frozenset[str]]) -> Fields | None:
-    """The fields of a hand as of `hand_in`, None where it is lost; `placed` keeps those of `PLACED`
-    that each hand had first."""
-    hand = hand_in(fields, side)
-    if hand is None or not hand.keys() >= placed.setdefault(side, PLACED & hand.keys()):
+    found = {name: None if is_null(value) else value for name, value in names.items()}
+    if all(value is None for value in found.values()):
         return None
-    return hand
+    ray = fields.get(CAMERA_FIELDS[0])
+    if found["camera_ray"] is None and not is_null(ray):
+        found["camera_ray"] = ray
+    return found
 
 
 def is_null(value: Any) -> bool:

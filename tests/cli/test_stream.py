@@ -180,6 +180,11 @@ def test_a_first_line_without_a_hand_is_refused(stream):
     assert "line 1: the first frame must name its hands" in result.stderr
 
 
+def test_a_first_line_without_the_places_of_a_hand_is_refused(stream):
+    result = stream([{"right_confidence": [1.0] * 21}], code=2)
+    assert "line 1: the first frame must name its hands" in result.stderr
+
+
 def test_a_first_line_without_the_hand_that_is_asked_for_is_refused(stream, lines):
     result = stream(lines, "--obj", "object.obj", "--side", "left", code=2)
     assert result.stdout == ""
@@ -262,12 +267,20 @@ def test_a_hand_without_one_of_its_fields_is_lost_in_a_later_line(stream, lines,
         line |= {"right_pose": [[0.0] * 3] * 16, "right_wrist": line["right_joints"][0]}
         line["right_confidence"] = [1.0] * 21
         del line["right_joints"]
-    lines[0] |= {"right_joints": None, name: lines[0][name]}
-    lines[5][name] = value
+    lines[5] |= {"right_joints": None, name: value}
     if value == "left out":
         del lines[5][name]
     found = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
     assert [line["frame"] for line in found if line["right_filled"]] == [5]
+
+
+def test_a_hand_whose_joints_are_null_beside_their_confidence_is_lost(stream, lines):
+    for line in lines:
+        line["right_confidence"] = [1.0] * 21
+    lines[0]["right_joints"] = None
+    del lines[5]["right_joints"]
+    found = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
+    assert [line["frame"] for line in found if line["right_filled"]] == [0, 5]
 
 
 @pytest.mark.parametrize(

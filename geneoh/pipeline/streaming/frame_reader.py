@@ -77,6 +77,8 @@ class FrameReader:
         if given is None:
             return None
         fields = {**self._fields(given, where), **self._shape}
+        if self._is_unplaced(given):
+            return None
         record = Record(where, fields, "correct it")
         if self._away_from_origin and (name := f"{self._side}_joints") in record:
             points = record.numbers(name)  # a keypoint exactly at the origin means missing
@@ -105,6 +107,14 @@ class FrameReader:
         if hand.joints is not None:
             self._away_from_origin |= bool(hand.joints[:, 0].any())
         return hand
+
+    def _is_unplaced(self, given: Any) -> bool:
+        """Whether a field that places the hand is None: one that it had before, or all it has."""
+        fields = given if isinstance(given, Mapping) else {}
+        places = {name: fields[name] for name in FOUND if name in fields}
+        missing = [name for name, value in places.items() if value is None]
+        were_there = any(name in self._known for name in missing)
+        return were_there or 0 < len(missing) == len(places)
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
         """One frame of a hand as fields of the file format."""

@@ -98,6 +98,18 @@ def test_lost_hands_are_filled_and_marked(noisy, unmoved):
     assert bool(joints_of(found).isfinite().all())
 
 
+@pytest.mark.parametrize("name", ["pose", "wrist"])
+def test_a_hand_without_one_of_the_fields_that_place_it_is_lost(noisy, unmoved, name):
+    stream, track, found = Stream((), side="left"), noisy.hands[0], []
+    for frame in range(20):
+        hand = {"joints": None, "pose": track.pose[frame], "wrist": track.wrist[frame]}
+        if frame in (0, 10):
+            hand |= dict.fromkeys(hand if frame == 0 else (name,))
+        found.append(stream.push(hand))
+    found = [clean for clean in found if clean] + stream.flush()
+    assert [clean.index for clean in found if clean.filled] == [0, 10]
+
+
 def test_a_hand_that_stays_away_is_none_and_comes_back(noisy, unmoved):
     stream, track = Stream((), side="left"), noisy.hands[0]
     found = []
