@@ -1,6 +1,8 @@
 """The object part that a hand holds: the stages use its frame, and it moves the hand through gaps
 of the hand's track."""
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -9,12 +11,17 @@ from geneoh.bundle import spread
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.rigid import Rigid
 from geneoh.objects.evidence import NOT_TOUCHING, TOUCHING, distance_of_parts, share_between
-from geneoh.sequence.gaps import Carrier, filled_keypoints
+from geneoh.sequence.gaps import Carrier, filled_keypoints, observed_around
 from geneoh.sequence.sequence import HandTrack
+from geneoh.sequence.windows import in_long_runs
 
 HELD_DISTANCE, FREE_DISTANCE = 0.015, 0.03
 """Distance of the nearest keypoint to the surface beside a gap, metres: up to the first bound the
 hand holds the part, from the second on it does not. Keypoints lie 10 mm inside the hand."""
+FEWEST_TRUSTED, LONGEST_SPARSE = 7, 30.0
+"""Keypoints of some confidence from which a frame is kept while the object carries the hand, and
+the frames in a row without so many from which all of them are kept: three to six exact keypoints
+for 12 to 25 frames left three times the error of a gap, and over 40 frames as much."""
 COMPARED_FRAMES = 6  # frames beside a gap in which hand and part are compared
 SAMPLED_FRAMES, SAMPLED_VERTS = 8, 512
 """Frames and vertices for the test whether two parts stay together."""
@@ -71,6 +78,28 @@ def carrier_of(
     along = torch.stack([moves_with(pose, middle, seen, int(frame)) for frame in beside])
     share[beside] = held * along * relied[beside, part]
     return Carrier(pose, share)
+
+
+def without_sparse_frames(
+    hand: HandTrack, surface: MovingSurface, relied: Float[Tensor, "T Q"]
+) -> HandTrack:
+    """The track without frames of fewer than `FEWEST_TRUSTED` keypoints in which the object carries
+    the hand, as `carrier_of` says of a gap in their place: the object's motion determines the whole
+    hand, and so few keypoints neither its palm nor its other fingers.
+
+    A track with a pose, or in which such frames are more than half, is kept.
+    """
+    count = (hand.trust > 0).sum(-1)
+    lost = in_long_runs((count < FEWEST_TRUSTED).cpu().numpy(), LONGEST_SPARSE)
+    sparse = (count > 0) & (count < FEWEST_TRUSTED) & ~torch.from_numpy(lost).to(count.device)
+    few = 2 * int(sparse.sum()) <= int(hand.observed.sum())
+    if hand.pose is not None or not few or not bool(sparse.any()):
+        return hand
+    without = replace(hand, valid=hand.valid & ~sparse)
+    carrier = carrier_of(without, surface, relied)
+    assert carrier is not None, "the track has a gap"
+    held = observed_around(without.observed).points(carrier.share) > 0.5
+    return replace(hand, valid=hand.valid & ~(sparse & held))
 
 
 def moves_with(

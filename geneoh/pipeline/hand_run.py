@@ -16,7 +16,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.fitting.twist import untwisted
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.objects.carrying import carrier_of
+from geneoh.objects.carrying import carrier_of, without_sparse_frames
 from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness
 from geneoh.objects.left_behind import moving_parts
 from geneoh.pipeline.fitted import FittedHand
@@ -57,6 +57,8 @@ class HandRun:
         chosen = self.preset
         surface = hand.object.surface() if hand.object.meshes else None
         against = surface if chosen.has_object else None
+        if against is not None:
+            hand = replace(hand, track=without_sparse_frames(hand.track, against, relied))
         carrier = None if against is None else carrier_of(hand.track, against, relied)
         observed = subject_of(hand.track, model, carrier)
         subject = untwisted(observed)

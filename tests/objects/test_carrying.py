@@ -1,11 +1,14 @@
 """What carries a hand through the frames in which it is not seen."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 import trimesh
 
 from geneoh.geometry.mesh_files import from_trimesh
-from geneoh.objects.carrying import carrier_of
+from geneoh.objects import carrying
+from geneoh.objects.carrying import carrier_of, without_sparse_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 FRAMES, LOST = 12, slice(4, 9)
@@ -65,3 +68,34 @@ def test_a_hand_that_is_seen_all_along_needs_no_carrier():
     joints = torch.zeros(FRAMES, 21, 3)
     seen = HandTrack("right", torch.ones(FRAMES, dtype=torch.bool), joints=joints)
     assert carrier_of(seen, OBJECT.surface(), RELIED) is None
+
+
+@pytest.mark.parametrize(("count", "away", "kept"), [(6, 0.0, 0), (7, 0.0, 5), (6, 0.1, 5)])
+def test_frames_of_few_keypoints_are_left_out_where_the_object_carries_the_hand(count, away, kept):
+    hand = hand_at(away, away)
+    trust = torch.ones(FRAMES, 21)
+    trust[LOST, count:] = 0
+    seen = torch.ones_like(hand.valid)
+    hand = replace(hand, valid=seen, joints=hand.joints.nan_to_num(), confidence=trust)
+    found = without_sparse_frames(hand, OBJECT.surface(), RELIED)
+    assert int(found.valid[LOST].sum()) == kept
+    assert int(found.valid.sum()) == kept + FRAMES - 5
+
+
+def test_few_keypoints_in_most_frames_are_how_the_hand_is_seen():
+    hand = hand_at(0.0, 0.0)
+    trust = torch.ones(FRAMES, 21)
+    trust[2:10, 6:] = 0
+    seen = torch.ones_like(hand.valid)
+    hand = replace(hand, valid=seen, joints=hand.joints.nan_to_num(), confidence=trust)
+    assert without_sparse_frames(hand, OBJECT.surface(), RELIED) is hand
+
+
+def test_few_keypoints_are_kept_where_the_gap_in_their_place_would_be_long(monkeypatch):
+    monkeypatch.setattr(carrying, "LONGEST_SPARSE", 4.0)
+    hand = hand_at(0.0, 0.0)
+    trust = torch.ones(FRAMES, 21)
+    trust[LOST, 6:] = 0
+    seen = torch.ones_like(hand.valid)
+    hand = replace(hand, valid=seen, joints=hand.joints.nan_to_num(), confidence=trust)
+    assert without_sparse_frames(hand, OBJECT.surface(), RELIED) is hand
