@@ -37,10 +37,11 @@ LEAST_VARIANCE, LEAST_ERRORS, LEAST_EXPLAINED = 0.0044, 2.5, 0.05
 """Conditions for a filter: least variance in seconds², that of a Gaussian of two frames at 30 a
 second; least number of standard errors from zero; and least share that it explains of the palm's
 motion over the object."""
-LEAST_BY_SPEEDS = 0.5
-"""Least variance by speeds, in units of that by places, for a filter of a part. True filters have
-0.6 or more in 49 of 50 clips; hands that turn a lid, go back and grip it again have 0.2 or less in
-19 of 20, and at most 0.6."""
+LEAST_BY_SPEEDS, MOST_BY_SPEEDS = 0.5, 4.0
+"""Least and largest variance by speeds, in units of that by places, for a filter of a part. True
+filters have 0.6 or more in 49 of 50 clips, and at most 2.4; hands that turn a lid, go back and grip
+it again have 0.2 or less in 19 of 20, and at most 0.6; a hand that drifts by centimetres along the
+ray of its camera had 6."""
 LARGEST_ADVANCE = 0.3
 """Largest apparent advance (negative delay) of a filter, in standard deviations of its kernel: real
 filters have none."""
@@ -105,12 +106,13 @@ class Found:
 
     @property
     def is_by_speeds(self) -> bool:
-        """Whether the palm's speed over the part shows the kernel's variance as well.
+        """Whether the palm's speed over the part shows the same variance of the kernel, roughly.
 
         That of a hand which turns a lid, goes back while that rests and grips it again does not.
         Its place over the lid follows from all of the lid's motion before, as if that were
         filtered; but while the lid moves, it rests on it."""
-        return self.by_speeds > LEAST_BY_SPEEDS * self.filter.variance
+        least, most = (n * self.filter.variance for n in (LEAST_BY_SPEEDS, MOST_BY_SPEEDS))
+        return least < self.by_speeds < most
 
     def is_late(self, least: float, errors: float, explained: float) -> bool:
         """Whether the delay, late or early, is at least `least` seconds and `errors` standard

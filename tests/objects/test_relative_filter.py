@@ -8,7 +8,7 @@ import torch
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.palms import palm_of
-from geneoh.objects.relative_filter import LowPass, compared
+from geneoh.objects.relative_filter import Found, LowPass, compared
 from geneoh.sequence.placing import placed
 from geneoh.sequence.sequence import Sequence
 from tools.noisy_objects.clips import clip_of, with_noisy_hand
@@ -174,3 +174,16 @@ def test_a_hand_that_is_surely_late_is_filtered_even_if_the_variance_is_unsure(n
     )
     assert not found.of_palm.is_wide
     assert found.filter_of_palm.delay == pytest.approx(7 / 3 * FRAME, abs=FRAME / 2)
+
+
+@pytest.mark.parametrize(
+    ("by_speeds", "agrees"), [(0.1, False), (0.8, True), (2.4, True), (6, False)]
+)
+def test_a_filter_shows_in_speeds_as_in_places(by_speeds, agrees):
+    """True filters had 0.6 to 2.4 times the variance by speeds. A hand that MediaPipe saw drift by
+    centimetres along the camera's ray seemed to show a filter of 649 ms, with 6 times."""
+    variance = 0.649**2
+    filter_ = LowPass(-0.182, variance)
+    found = Found(filter_, 0.05, variance / 3.2, explained=0.15, by_speeds=by_speeds * variance)
+    assert found.is_wide
+    assert found.is_by_speeds == agrees
