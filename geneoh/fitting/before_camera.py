@@ -36,6 +36,11 @@ TURN_STD, BEND_STD = 0.1, 0.12
 frame, radians."""
 STEP_STD = 0.02
 """Standard deviation of the change of the wrist's position from frame to frame, metres."""
+UNSEEN = 0.01
+"""Weight of the interpolated keypoints of a frame without a hand, in units of those of others: none
+at all would leave the equations of the first and the last frames without a unique solution."""
+DEPTH_LIMITS = (0.05, 20.0)
+"""Limits of the hand's distance from the camera at the start, metres."""
 ROUNDS, STEPS = 6, 6
 """Rounds, of which each weights the keypoints anew by their residuals, and steps of each."""
 
@@ -56,13 +61,15 @@ def hand_before_camera(
         shaped: the hand, whose size gives the distance from the camera.
     """
     around = observed_around(seen)
-    image, shape = around.points(image), around.points(shape)
+    # in float64, because frames of wild keypoints have hardly any weight
+    image, shape = around.points(image).double(), around.points(shape).double()
+    shaped = shaped.map(lambda value: value.double() if value.is_floating_point() else value)
     shape = shape @ turns_to_rays(image).mT * size_ratio(shape, shaped)
     found = []
     for block in blocks(len(seen)):
         wide, inner = widened(block, OVERLAP, len(seen))
         found.append(_fit_frames(image[wide], shape[wide], seen[wide], shaped)[inner])
-    return concatenated(found)
+    return concatenated(found).map(torch.Tensor.float)
 
 
 def _fit_frames(
@@ -73,7 +80,7 @@ def _fit_frames(
 ) -> HandState:
     """`hand_before_camera` on all frames at once; `shape` is as large as the hand, and turned."""
     state = start_before_camera(image, shape, shaped)
-    trust = seen[None, :, None].to(image)
+    trust = torch.where(seen, 1.0, UNSEEN).to(image)[None, :, None]
     coupling = image.new_full((UNKNOWNS,), 1 / BEND_STD)
     coupling[:3], coupling[48:] = 1 / TURN_STD, 1 / STEP_STD
     damping = image.new_full((1, 1), 1e-2)
@@ -100,7 +107,7 @@ def start_before_camera(
     """A relaxed hand with the palm of `shape`, as large as in the picture."""
     start = start_from_keypoints(shape[None], shaped)
     points = start.joints(shaped)[0]
-    depth = depth_by_size(image, points)[:, None]
+    depth = depth_by_size(image, points).clamp(*DEPTH_LIMITS)[:, None]
     middle = torch.cat([image.mean(1), torch.ones_like(depth)], -1) * depth
     return HandState(start.rotations, start.wrist + (middle - points.mean(1))[None])
 

@@ -137,6 +137,23 @@ def test_files_without_landmarks_of_the_picture_are_refused(joints, read):
         read([{"hand": "right", "points": points.tolist()} for points in joints])
 
 
+@pytest.mark.parametrize("given", [{"image_size": (1, 1)}, {"focal": 1e9}, {"focal": 1e-3}])
+def test_a_camera_that_cannot_see_a_hand_so_is_refused(given, joints, read):
+    with pytest.raises(InputError, match=r"got points of a size that no hand has; correct --focal"):
+        read([result(points) for points in joints], **given)
+
+
+@pytest.mark.parametrize("wrong", [1e9, 1e300, 0.0])
+def test_frames_with_landmarks_of_no_hand_count_as_not_seen(wrong, joints, read):
+    frames = [result(points) for points in joints]
+    for point in frames[2]["hand_world_landmarks"][0]:
+        point["x"] = point["y"] = wrong
+    frames[4]["hand_landmarks"][0][8]["y"] = wrong or 1e9
+    (hand,) = read(frames).hands
+    assert hand.valid.tolist() == [t not in (2, 4) for t in range(FRAMES)]
+    assert error_of(hand, joints) < 10
+
+
 def test_the_picture_alone_without_a_camera_names_the_options(joints, read):
     frames = [{k: v for k, v in result(p).items() if "world" not in k} for p in joints]
     with pytest.raises(InputError, match=r"have no size; .*or pass --focal and --image-size"):
