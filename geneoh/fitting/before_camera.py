@@ -64,7 +64,8 @@ def hand_before_camera(
     # in float64, because frames of wild keypoints have hardly any weight
     image, shape = around.points(image).double(), around.points(shape).double()
     shaped = shaped.map(lambda value: value.double() if value.is_floating_point() else value)
-    shape = shape @ turns_to_rays(image).mT * size_ratio(shape, shaped)
+    size = palm_size(shaped.rest_keypoints()) / palm_size(shape).clamp(min=1e-6)
+    shape = shape @ turns_to_rays(image).mT * size[:, None, None]
     found = []
     for block in blocks(len(seen)):
         wide, inner = widened(block, OVERLAP, len(seen))
@@ -120,15 +121,9 @@ def depth_by_size(
     return (real.square().sum((-1, -2)) / seen.square().sum((-1, -2)).clamp(min=1e-12)).sqrt()
 
 
-def size_ratio(shape: Float[Tensor, "T 21 3"], shaped: ShapedHand) -> Float[Tensor, "T 1 1"]:
-    """The size of the hand's palm in units of that of a shape, in each frame."""
-    rest = start_from_keypoints(shape[None], shaped).joints(shaped)[0]
-    return (palm_size(rest) / palm_size(shape).clamp(min=1e-6))[:, None, None]
-
-
-def palm_size(points: Float[Tensor, "T 21 3"]) -> Float[Tensor, " T"]:
-    """Root mean square distance of the palm's keypoints from their mean."""
-    return centred(points[:, RIGID]).square().sum(-1).mean(-1).sqrt()
+def palm_size(points: Float[Tensor, "*B 21 3"]) -> Float[Tensor, " *B"]:
+    """Root mean square distance of the palm's keypoints from their mean, metres."""
+    return centred(points[..., RIGID, :]).square().sum(-1).mean(-1).sqrt()
 
 
 def turns_to_rays(image: Float[Tensor, "T 21 2"]) -> Float[Tensor, "T 3 3"]:

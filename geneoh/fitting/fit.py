@@ -60,9 +60,7 @@ def start_from_keypoints(
     trust = torch.ones_like(joints[..., 0]) if trust is None else trust
     model = shaped.model
     rotations = axis_angle_to_matrix(model.pose_mean.clone()).expand(*joints.shape[:2], 16, 3, 3)
-    rest = shaped.joints_from_rotations(
-        torch.eye(3).to(joints).expand(16, 3, 3), joints.new_zeros(3)
-    )
+    rest = shaped.rest_keypoints()
     weights, palm = trust[..., RIGID].clamp(min=LEAST_TRUST), joints[..., RIGID, :]
     turn, origin = kabsch(rest[RIGID].expand_as(palm), palm, weights)
     wrist = torch.where(trust[..., :1] > 0, joints[..., 0, :], origin)

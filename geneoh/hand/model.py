@@ -136,6 +136,11 @@ class ShapedHand(Bundle):
         """The keypoints of `verts_from_rotations` alone, many times faster: no mesh is skinned."""
         return self._kinematics(rotations, wrist)[1]
 
+    def rest_keypoints(self) -> Float[Tensor, "*B 21 3"]:
+        """Keypoints of the rest pose, wrist at the origin."""
+        origin = self.offsets.new_zeros(3)
+        return self.joints_from_rotations(torch.eye(3).to(origin).expand(16, 3, 3), origin)
+
     def _kinematics(self, rotations: Tensor, wrist: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Local rotations expanded to all batch axes, keypoints, and joints' global rotations."""
         # torch has the same function and imports sympy on its first call, which takes seconds

@@ -31,12 +31,10 @@ def camera_of(options: ReaderOptions) -> tuple[float, ImageSize] | None:
     focal, size = options.focal, options.image_size
     if focal is not None and size is not None:
         return focal, size
-    if focal is not None or size is not None:
-        given, lacking = "--focal", "--image-size"
-        if focal is None:
-            given, lacking = lacking, given
-        raise ConfigError(f"{given}: needs {lacking} too, to place MediaPipe's hands; pass it")
-    return None
+    if focal is None and size is None:
+        return None
+    given, lacking = ("--focal", "--image-size") if size is None else ("--image-size", "--focal")
+    raise ConfigError(f"{given}: needs {lacking} too, to place MediaPipe's hands; pass it")
 
 
 def placed_before_camera(found: Landmarks, focal: float, size: ImageSize, where: str) -> Landmarks:
