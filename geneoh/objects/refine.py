@@ -38,7 +38,7 @@ from geneoh.objects.holding import (
     grip_of,
 )
 from geneoh.objects.palms import palm_of, world_path
-from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
+from geneoh.objects.smoothing import DAMPING, FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import in_long_runs
 
@@ -144,7 +144,8 @@ def _resting(
     turns, places = first
     sizes = tuple(zip(track.noise, track.drift, strict=True))
     start = np.arange(len(places) - 1)
-    bends = np.diff(world_path(turns), n=2, axis=0), np.diff(places, n=2, axis=0)
+    second = fading_differences(track.known)
+    bends = [np.asarray(second @ path) for path in (world_path(turns), places)]
     stiff = [
         1 / (uniform_filter1d(np.square(bend).mean(1), WINDOW) + (LEAST_ACCELERATION * size) ** 2)
         for bend, size in zip(bends, track.noise, strict=True)
@@ -161,15 +162,16 @@ def _resting(
         ]
         moves = [(turn, shift, w) for (turn, shift), w in zip(motion, still, strict=True)]
         held = [(grip.places, grip.weights[1]) for grip in grips]
-        bend = 0 * bends[1]
-        places = solve(seen[1], weights[1], sizes[1], stay, loose, held, moves, bend, stiff[1])
+        bend = second, 0 * bends[1], stiff[1]
+        places = solve(seen[1], weights[1], sizes[1], stay, loose, held, moves, bend)
         moves = [
             (turn, -turned, w / RADIANS_PER_METRE**2)
             for (turn, _), (turned, _), w in zip(motion, left, still, strict=True)
         ]
-        gap, bend = (seen[0] * turns.inv()).as_rotvec(), np.diff(world_path(turns), n=2, axis=0)
+        gap = (seen[0] * turns.inv()).as_rotvec()
+        bend = second, -second @ world_path(turns), stiff[0]
         held = [((grip.turns * turns.inv()).as_rotvec(), grip.weights[0]) for grip in grips]
-        step = solve(gap, weights[0], sizes[0], stay, loose, held, moves, -bend, stiff[0])
+        step = solve(gap, weights[0], sizes[0], stay, loose, held, moves, bend)
         turns = Rotation.from_rotvec(step) * turns
     return turns, places
 
@@ -182,6 +184,18 @@ def stillness(turned: np.ndarray, shifted: np.ndarray, size: float) -> Float64[n
     return 1 / (1 + uniform_filter1d(units, WINDOW, mode="nearest")) ** 2
 
 
+def fading_differences(known: Bool[np.ndarray, " T"]) -> sparse.csr_matrix:
+    """Second differences of a track as a matrix (T - 2, T), which are zero for a track whose
+    velocity fades before the first and after the last known frame as in `damped_ends`."""
+    first, last = np.flatnonzero(known)[[0, -1]]
+    one, frames = sparse.csr_matrix(sparse.identity(len(known))), np.arange(1, len(known) - 1)
+    ahead, behind = (
+        sparse.csr_matrix(sparse.diags(np.where(fades, DAMPING, 1.0)))
+        for fades in (frames < first, frames > last)
+    )
+    return ahead @ (one[2:] - one[1:-1]) - behind @ (one[1:-1] - one[:-2])
+
+
 def solve(
     seen: Track,
     weight: np.ndarray,
@@ -190,8 +204,7 @@ def solve(
     loose: np.ndarray,
     held: list[tuple[np.ndarray, np.ndarray]],
     moves: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
-    bend: np.ndarray,
-    stiff: np.ndarray,
+    bend: tuple[sparse.csr_matrix, np.ndarray, np.ndarray],
 ) -> Track:
     """The track x of least energy, solved for jointly with the drift d of its observation.
 
@@ -203,7 +216,8 @@ def solve(
         held: for each hand, the target points (T, 3) of x by its grip, and their weights (T,).
         moves: for each frame of reference, the rotations (N, 3, 3) and translations (N, 3) that
             move a resting x from one frame to the next, and their weights (N,).
-        bend: target second differences of x, with weights `stiff`.
+        bend: the second differences of each coordinate as a matrix (T - 2, T), their targets
+            (T - 2, 3), and their weights (T - 2,).
     """
     count = len(seen)
     one = sparse.csr_matrix(sparse.identity(count))
@@ -213,7 +227,8 @@ def solve(
     drift = drift.T @ drift / (1 - stay**2)
     drift = sparse.kron(drift + sparse.diags(loose) + one[:1].T @ one[:1], sparse.identity(3))
     matrix, right = sparse.csr_matrix((3 * count, 3 * count)), np.zeros(3 * count)
-    rows = [(each(stiff), triple(one[2:] - 2 * one[1:-1] + one[:-2]), bend)]
+    second, goal, stiff = bend
+    rows = [(each(stiff), triple(second), goal)]
     rows += [(each(worth), triple(one), goal) for goal, worth in held]
     for turn, shift, worth in moves:
         blocks = [sparse.coo_matrix(one_turn) for one_turn in turn]  # scipy warns of bare arrays

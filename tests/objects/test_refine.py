@@ -109,6 +109,19 @@ def test_frames_without_a_pose_follow_the_hand():
     assert torch.equal(refined.rotation[~gap], truth.rotation[~gap])
 
 
+def test_an_object_that_is_lost_to_the_end_in_no_hand_does_not_go_on_for_ever():
+    """As where a tracker slides away from its object before it loses it."""
+    track, hand = scene()
+    noisy = shaken(track, "shaky_2", 0)[:100]
+    noisy.translation[30:60] += 0.014 * torch.arange(30)[:, None, None] * torch.eye(3)[0]
+    noisy.translation[60:] = torch.nan
+    noisy = fill_object(noisy)
+    away = replace(hand, joints=hand.joints + 1.0, wrist=hand.wrist + 1.0)[:100]
+    refined = refine_object(*clean_object(noisy, 30.0), [away], 30.0)
+    gone = (refined.translation[60:] - refined.translation[59]).norm(dim=-1)
+    assert float(gone.max()) < 0.08
+
+
 def test_an_object_that_is_lost_while_it_is_taken_rests_and_then_follows_the_hand():
     truth, hand = scene()
     seen = torch.ones(FRAMES, 1, dtype=torch.bool)

@@ -85,6 +85,20 @@ def test_a_few_frames_after_a_long_gap_stay_where_they_were_seen(after):
         assert error(track[seen], truth[seen]) < 1.1 * error(noisy[seen], truth[seen])
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_motion_fades_out_where_a_track_begins_or_ends_unseen(backwards):
+    line = np.outer(np.arange(FRAMES), [0.0, 0.01, 0.0])
+    trusted = np.arange(FRAMES) < FRAMES - 40
+    if backwards:
+        line, trusted = line[::-1], trusted[::-1]
+    track, weight = smooth_points(line, trusted, 0.001)
+    off = np.linalg.norm(track - line, axis=1)
+    edge, last = (40, 0) if backwards else (FRAMES - 41, FRAMES - 1)
+    assert off[trusted].max() < 1e-6
+    assert np.linalg.norm(track[last] - track[edge]) == pytest.approx(0.04, abs=1e-4)
+    assert (weight[~trusted] == 0).all()
+
+
 def test_rotations_are_smoothed_like_points():
     generator = np.random.default_rng(3)
     truth = Rotation.from_rotvec(3 * swing())
