@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 import torch
 from jaxtyping import Bool, Float64
+from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
@@ -22,7 +23,9 @@ from geneoh.objects.consistency import Chain, longest_chain, possible_places, th
 from geneoh.objects.examination import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
 from geneoh.objects.palms import RigidMotion, Views
 from geneoh.objects.smoothing import (
+    CHI3_MEDIAN,
     LEAST_FRAMES,
+    Summary,
     increments,
     interpolated,
     smooth_points,
@@ -38,6 +41,9 @@ rests there, whereas a noisy one shakes always."""
 TURN_CHANGE, PLACE_CHANGE, MOTION_LIMIT = 0.21, 0.06, 5.0
 """Limits of the change between consecutive steps of a part: 12 degrees and 6 cm at 30 frames a
 second, more at lower frame rates, or `MOTION_LIMIT` times its median step."""
+NOISE_LIMIT, LARGEST_NOISE_LIMIT = 10.0, np.pi / 3
+"""Change between consecutive steps that noise makes where it is largest, in standard deviations per
+axis, and the largest such limit, radians: flips are of at least a quarter turn."""
 STEADY_RATIO = 30.0
 """Largest second difference of a part's position, in standard deviations of its noise, with which
 the position is used in frames where the rotation jumps."""
@@ -46,9 +52,18 @@ ACCEPTED_SECONDS = 4 / 3
 (`geneoh.sequence.shots`), because cleaning against a flipped object is worse than without any."""
 LEAP = 0.04
 """Least step of a part that leaps elsewhere and comes back, metres at 30 frames a second."""
+LOCAL_FRAMES, UNEVEN = 31, 1.5
+"""Frames of the windows in which noise is measured apart, and ratio of the largest noise in one to
+that in all frames from which it is used: up to 1.4 where noise is even, from 1.5 to 6 where an
+object jitters only while a hand covers it."""
+SHAKES_LOCALLY = 2.0
+"""Rotational noise of a window, in units of the largest of an exact track, from which that is not
+exact: motion capture has at most 0.7 anywhere."""
+CHI3_QUARTILE = 1.101  # lower quartile of the length of three standard normal variables
 LEAST_STRETCH = 6  # least number of kept frames in a stretch between jumps that is smoothed
 
 
+FrameNoise = Float64[np.ndarray, " T"]
 Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
 
 
@@ -62,8 +77,8 @@ class CleanPart:
     left_out: Bool[np.ndarray, " T"]
     symmetric: Bool[np.ndarray, " T"]
     doubted: Bool[np.ndarray, " T"]
-    rotation_noise: float = 0.0
-    translation_noise: float = 0.0
+    rotation_noise: Float64[np.ndarray, " T"]
+    translation_noise: Float64[np.ndarray, " T"]
     is_noisy: bool = False
 
 
@@ -108,7 +123,8 @@ def clean_part(
     """One part's track without noise, and its examination. Frames that are not `seen` are filled,
     and have zero weight and confidence."""
     nowhere = np.zeros(len(seen), dtype=bool)
-    exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere, nowhere)
+    none = np.zeros(len(seen))
+    exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere, nowhere, none, none)
     if seen.sum() < LEAST_FRAMES:  # noise and motion cannot be distinguished
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
@@ -116,13 +132,33 @@ def clean_part(
     world = RigidMotion(rotations, rotations.apply(middle) + places, seen)
     views = Views.of(world, palms)
     shakes = is_shaky(views, fps)
+    somewhere = shakes or shakes_somewhere(views, fps)
     limit = step_limit(increments(rotations), TURN_CHANGE, fps)
     turns_agree = world.turn_changes().max() < views.limit(limit, RigidMotion.turn_changes)
-    if not shakes and turns_agree and steady_places(views, fps).all():
+    if not somewhere and turns_agree and steady_places(views, fps).all():
         return exact
     symmetry = symmetry_of(mesh)
     limit = step_limit(least_steps(poses[0], symmetry), TURN_CHANGE, fps)
     limit = views.limit(limit, RigidMotion.turn_changes)
+    chain, world, center = _aligned(poses, seen, symmetry, limit, fps)
+    turning = Views.of(replace(world, seen=chain.kept), palms)
+    if uneven := uneven_noise(
+        Views.of(world, palms), lower_quartile
+    ):  # where it is largest, noise alone may exceed the limit
+        loudest = max(noise for _, noise in uneven)
+        limit = max(limit, min(NOISE_LIMIT * loudest, LARGEST_NOISE_LIMIT))
+        chain, world, center = _aligned(poses, seen, symmetry, limit, fps)
+        turning = Views.of(replace(world, seen=chain.kept), palms)
+    shakes = shakes or (somewhere and shakes_somewhere(turning, fps))
+    return _smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
+
+
+def _aligned(
+    poses: Poses, seen: Bool[np.ndarray, " T"], symmetry: Symmetry, limit: float, fps: float
+) -> tuple[Chain, RigidMotion, Float64[np.ndarray, " 3"]]:
+    """The chain of a part's rotations whose steps change by at most `limit`, radians; the part's
+    motion with symmetry flips undone, of its steadiest point; and this point in its frame."""
+    rotations, places = Rotation.from_matrix(poses[0]), poses[1]
     chain = longest_chain(rotations, limit, symmetry, fps, ACCEPTED_SECONDS)
     chain = replace(chain, kept=chain.kept & seen)
     # symmetry rotations keep the center fixed
@@ -130,9 +166,7 @@ def clean_part(
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     places = middles - rotations.apply(symmetry.center)
     center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
-    world = RigidMotion(rotations, rotations.apply(center) + places, seen)
-    turning = Views.of(replace(world, seen=chain.kept), palms)
-    return _smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
+    return chain, RigidMotion(rotations, rotations.apply(center) + places, seen), center
 
 
 def symmetry_of(mesh: Mesh) -> Symmetry:
@@ -152,6 +186,39 @@ def is_shaky(views: Views, fps: float) -> bool:
     return turns or views.place_noise(quietest) > bound * EXACT_TRANSLATION
 
 
+def shakes_somewhere(views: Views, fps: float) -> bool:
+    """Whether the rotation of a part has more noise than an exact track in a part of the clip."""
+    bound = max(1.0, (30 / fps) ** 2) * SHAKES_LOCALLY * EXACT_ROTATION
+    return any(window.turn_noise() > bound for _, window in views.windows(LOCAL_FRAMES))
+
+
+def uneven_noise(views: Views, summary: Summary = np.median) -> list[tuple[float, float]]:
+    """Middle frame of each window and white noise per axis of the rotation in it, radians; none if
+    the noise is even."""
+    found = [(middle, window.turn_noise(summary)) for middle, window in views.windows(LOCAL_FRAMES)]
+    usual = max(UNEVEN * views.turn_noise(), SHAKES_LOCALLY * EXACT_ROTATION)
+    return found if max((noise for _, noise in found), default=0.0) > usual else []
+
+
+def noise_of_frames(turning: Views, views: Views) -> tuple[FrameNoise, FrameNoise]:
+    """White noise of each frame, of the rotation in `turning` and of the position in `views`: as in
+    all frames, or as in the windows around it if that of the rotation is uneven. That of the
+    position alone does not tell, since a hand that shakes the object adds its own."""
+    count = len(views.world.seen)
+    least = EXACT_ROTATION / 4, EXACT_TRANSLATION / 4
+    turns = uneven_noise(turning)
+    if not turns:
+        whole = max(turning.turn_noise(), least[0]), max(views.place_noise(), least[1])
+        return np.full(count, whole[0]), np.full(count, whole[1])
+    places = [(middle, window.place_noise()) for middle, window in views.windows(LOCAL_FRAMES)]
+    first, second = (
+        # the median over a window shows too little at its onset
+        np.interp(np.arange(count), middles, maximum_filter1d(noise, 3)).clip(floor)
+        for (middles, noise), floor in zip(map(np.transpose, (turns, places)), least, strict=True)
+    )
+    return first, second
+
+
 def _smoothed(
     views: Views,
     turning: Views,
@@ -168,14 +235,13 @@ def _smoothed(
     rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
     there = steady_places(views, fps) & seen
-    noise = turning.turn_noise(), views.place_noise()
-    clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
-    least = max(noise[1], EXACT_TRANSLATION / 4)
-    placed = steady(middles, chain.kept, least) & there
+    noise = noise_of_frames(turning, views)
+    clean, weight = smooth_stretches(rotations, chain, noise[0])
+    placed = steady(middles, chain.kept, noise[1]) & there
     if placed.sum() < 2:  # position and rotation are possible in other frames each
         placed = seen
     if shakes:
-        middles, sure = smooth_points(middles, placed, least)
+        middles, sure = smooth_points(middles, placed, noise[1])
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept, weight = chain.kept[:, None, None], weight * there
@@ -203,11 +269,13 @@ def steadiest(
 
 
 def steady(
-    places: Float64[np.ndarray, "T 3"], kept: Bool[np.ndarray, " T"], noise: float
+    places: Float64[np.ndarray, "T 3"],
+    kept: Bool[np.ndarray, " T"],
+    noise: Float64[np.ndarray, " T"],
 ) -> Bool[np.ndarray, " T"]:
     """Kept frames, and runs of other frames without a jump of the position at their ends."""
     bends = np.linalg.norm(np.diff(places, n=2, axis=0), axis=1)
-    jumps = np.pad(bends > STEADY_RATIO * noise, 1, mode="edge")
+    jumps = np.pad(bends > STEADY_RATIO * noise[1:-1], 1, mode="edge")
     found = kept.copy()
     for run in runs(~kept):
         edges = np.array([run.start - 1, run.start, run.stop - 1, run.stop])
@@ -267,13 +335,19 @@ def quietest(lengths: Float64[np.ndarray, " N"]) -> float:
     return float(np.quantile(levels, QUIET_SHARE))
 
 
+def lower_quartile(lengths: Float64[np.ndarray, " N"]) -> float:
+    """The median length of a track's differences by their lower quartile, which many jumps between
+    quiet frames do not raise."""
+    return float(np.quantile(lengths, 0.25)) * CHI3_MEDIAN / CHI3_QUARTILE
+
+
 def smooth_stretches(
-    rotations: Rotation, chain: Chain, noise: float
+    rotations: Rotation, chain: Chain, noise: Float64[np.ndarray, " T"]
 ) -> tuple[Rotation, np.ndarray]:
     """Smooth each stretch between jumps independently; too short ones are unchanged."""
     matrices, weight = rotations.as_matrix(), chain.kept.astype(float)
     for span in chain.stretches():
         if chain.kept[span].sum() >= LEAST_STRETCH:
-            smooth, weight[span] = smooth_rotations(rotations[span], chain.kept[span], noise)
+            smooth, weight[span] = smooth_rotations(rotations[span], chain.kept[span], noise[span])
             matrices[span] = smooth.as_matrix()
     return Rotation.from_matrix(matrices), weight

@@ -84,10 +84,8 @@ def evidence_of_poses(
     lost = examined.confidence == 0
     doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
     for part in torch.nonzero(doubtful)[:, 0].tolist():
-        size = 3**0.5 * float(
-            examined.translation_noise[part]
-            + examined.rotation_noise[part] * radius(motion.meshes[part])
-        )
+        noise = examined.translation_noise + examined.rotation_noise * radius(motion.meshes[part])
+        size = 3**0.5 * noise[:, part].double().cpu().numpy()
         sure = (examined.confidence > 0) & ~examined.doubted
         kept = sure[:, part].cpu().numpy()
         away = np.asarray(distance_transform_edt(~kept))  # with none kept, `share` is 0

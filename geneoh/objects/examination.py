@@ -22,9 +22,9 @@ in proportion to the square of the time between frames, and the bounds are scale
 class ObjectExamination(ByValue, Bundle):
     """Noise and faults in the track of an object with Q parts."""
 
-    rotation_noise: Float[Tensor, " Q"]
+    rotation_noise: Float[Tensor, "T Q"]
     """Standard deviation of white noise per axis, radians; 0 if a part's track is exact."""
-    translation_noise: Float[Tensor, " Q"]
+    translation_noise: Float[Tensor, "T Q"]
     """Standard deviation of white noise per axis, metres; 0 if a part's track is exact."""
     confidence: Float[Tensor, "T Q"]
     """Agreement of each pose with the other poses of its part, from 0 (left out) to 1."""
@@ -42,13 +42,12 @@ class ObjectExamination(ByValue, Bundle):
     @classmethod
     def of_exact(cls, motion: ObjectTrack) -> "ObjectExamination":
         """The examination of a track whose observed poses are all exact."""
-        quiet, none = motion.rotation.new_zeros(motion.rotation.shape[1]), ~motion.observed & False
-        seen = motion.observed.to(motion.rotation)
-        return cls(quiet, quiet, seen, none, none, none, quiet > 0, motion)
+        seen, none = motion.observed.to(motion.rotation), ~motion.observed & False
+        return cls(0 * seen, 0 * seen, seen, none, none, none, none.any(0), motion)
 
     @property
     def white_noise(self) -> Float[Tensor, " 2"]:
-        """Largest white noise over parts, of the rotation (rad) and the translation (m)."""
+        """Largest white noise over frames and parts, of rotation (rad) and translation (m)."""
         return torch.stack([self.rotation_noise.max(), self.translation_noise.max()])
 
     def sentences(self, refined: bool = False) -> Iterator[str]:
@@ -58,10 +57,12 @@ class ObjectExamination(ByValue, Bundle):
         cure = "" if refined else cure
         for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
             name = self.aligned.name_of(part)
-            turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])
+            each = self.rotation_noise[:, part], self.translation_noise[:, part]
+            turns, shifts = (float(noise.max()) for noise in each)
             if turns > EXACT_ROTATION or shifts > EXACT_TRANSLATION:
+                most = " up to" if any(bool((noise != noise[0]).any()) for noise in each) else ""
                 yield (
-                    f"the pose of {name} shakes by {np.degrees(turns):.1f} degrees and "
+                    f"the pose of {name} shakes by{most} {np.degrees(turns):.1f} degrees and "
                     f"{1000 * shifts:.1f} mm per axis: the hand was cleaned against a smooth track "
                     f"of it; {cure}with --trust-object the given ones are taken as exact"
                 )

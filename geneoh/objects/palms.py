@@ -50,6 +50,11 @@ class RigidMotion:
     places: Float64[np.ndarray, "T 3"]  # of its centre, metres
     seen: Bool[np.ndarray, " T"]  # frames in which it was observed
 
+    def __getitem__(self, frames: slice) -> "RigidMotion":
+        """The motion in some frames."""
+        turns = self.turns[frames]  # pyright: ignore[reportArgumentType]  # slices lack in its stubs
+        return RigidMotion(turns, self.places[frames], self.seen[frames])
+
     def as_seen_from(self, palm: "RigidMotion") -> "RigidMotion":
         """The same motion in the frame of a palm."""
         back = palm.turns.inv()
@@ -172,6 +177,15 @@ class Views:
         for palm in self.palms:
             calm = palm.without_noise
             yield calm, self.world.as_seen_from(calm)
+
+    def windows(self, frames: int) -> Iterator[tuple[float, "Views"]]:
+        """Overlapping windows of so many frames, with their middle frames; without those in which
+        noise cannot be distinguished from motion."""
+        for start in range(0, max(1, len(self.world.seen) - frames + 1), frames // 4):
+            span = slice(start, start + frames)
+            if self.world[span].is_long:
+                palms = tuple(palm[span] for palm in self.palms)
+                yield start + (frames - 1) / 2, Views.of(self.world[span], palms)
 
     def turn_noise(self, summary: Summary = np.median) -> float:
         """Standard deviation per axis of the part's own rotational white noise, radians: the least

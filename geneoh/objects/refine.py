@@ -94,12 +94,16 @@ def refine_part(
     first, seen = ((turns, turns.apply(center) + places) for turns, places in (first, seen))
     confidence = examined.confidence[:, part].double().cpu().numpy()
     lost = (confidence == 0) & ~examined.left_out[:, part].cpu().numpy()
-    noise = (
-        max(float(examined.rotation_noise[part]), EXACT_ROTATION / 4),
-        max(float(examined.translation_noise[part]), EXACT_TRANSLATION / 4),
+    own = (
+        examined.rotation_noise[:, part].double().cpu().numpy().clip(EXACT_ROTATION / 4),
+        examined.translation_noise[:, part].double().cpu().numpy().clip(EXACT_TRANSLATION / 4),
     )
-    squared = np.square(seen[1] - first[1]).sum(1) / noise[1] ** 2
-    weights = confidence, ~lost * (FREEDOM + 3) / (FREEDOM + squared)
+    noise = float(own[0].max()), float(own[1].max())
+    squared = np.square(seen[1] - first[1]).sum(1) / own[1] ** 2
+    weights = (
+        confidence * (noise[0] / own[0]) ** 2,
+        ~lost * (FREEDOM + 3) / (FREEDOM + squared) * (noise[1] / own[1]) ** 2,
+    )
     known = confidence > 0
     turned = world_path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
     shakes = (noise[0] > EXACT_ROTATION, turned), (noise[1] > EXACT_TRANSLATION, seen[1])
@@ -118,9 +122,9 @@ def refine_part(
     turns, places = _resting(
         frames, grips, start, seen, weights, track, np.exp(-1 / (DRIFT_SECONDS * fps))
     )
-    step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], track.known)
+    step = bounded((turns * first[0].inv()).as_rotvec(), own[0], track.known)
     turns = Rotation.from_rotvec(step) * first[0]
-    places = first[1] + bounded(places - first[1], noise[1], ~lost)
+    places = first[1] + bounded(places - first[1], own[1], ~lost)
     return turns.as_matrix(), places - turns.apply(center)
 
 
@@ -255,7 +259,7 @@ def triple(matrix: sparse.csr_matrix) -> sparse.csr_matrix:
     return sparse.csr_matrix(sparse.kron(matrix, sparse.identity(3)))
 
 
-def bounded(step: Track, noise: float, seen: Bool[np.ndarray, " T"]) -> Track:
+def bounded(step: Track, noise: Float64[np.ndarray, " T"], seen: Bool[np.ndarray, " T"]) -> Track:
     """The change `step`, in seen frames limited to `LARGEST_CHANGE` deviations of the noise."""
     length = np.linalg.norm(step, axis=1)
     share = np.minimum(1, LARGEST_CHANGE * 3**0.5 * noise / length.clip(1e-12))

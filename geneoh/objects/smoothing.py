@@ -89,14 +89,17 @@ def interpolated(
 
 
 def smooth_points(
-    observed: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
+    observed: Float64[np.ndarray, "T 3"],
+    trusted: Bool[np.ndarray, " T"],
+    noise: float | Float64[np.ndarray, " T"],
 ) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
     """The smooth track of a point, and the weight of each frame in it, 0 to 1.
 
     At least two frames must be `trusted`; `noise` is the standard deviation per coordinate, in the
-    unit of `observed`. What is before a long gap does not change what is after it: motion may have
-    become any other there.
+    unit of `observed`, of all frames or of each. What is before a long gap does not change what is
+    after it: motion may have become any other there.
     """
+    noise = np.broadcast_to(noise, len(trusted)).astype(float)
     track, weight = _smoothed(observed, trusted, noise)
     unknown = in_long_runs(~trusted, LONGEST_BRIDGE)
     if unknown.any():
@@ -122,7 +125,7 @@ def damped_ends(
 def _smoothed(
     observed: Float64[np.ndarray, "T 3"],
     trusted: Bool[np.ndarray, " T"],
-    noise: float,
+    noise: Float64[np.ndarray, " T"],
     free: Bool[np.ndarray, " N"] | None = None,
 ) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
     """As `smooth_points`, with any acceleration at the second differences that are `free`."""
@@ -130,8 +133,9 @@ def _smoothed(
     filled = np.where(trusted[:, None], observed, track)
     # medians ignore outliers, which would be taken for acceleration
     raw = median_filter(np.square(np.diff(track, n=2, axis=0)).sum(1), FIRST_WINDOW)
-    excess = raw / CHI3_MEDIAN**2 - comb(4, 2) * noise**2
-    variance = excess.clip(0) + (FIRST_ACCELERATION * noise) ** 2
+    inner = noise[1:-1]
+    excess = raw / CHI3_MEDIAN**2 - comb(4, 2) * inner**2
+    variance = excess.clip(0) + (FIRST_ACCELERATION * inner) ** 2
     weight = _weights(median_filter(track, (MEDIAN_FRAMES, 1)) - filled, trusted, noise)
     for _ in range(ITERATIONS):
         if free is not None:
@@ -139,12 +143,14 @@ def _smoothed(
         track = _solve(filled, weight / noise**2, 1 / variance)
         weight = _weights(track - filled, trusted, noise)
         bends = np.square(np.diff(track, n=2, axis=0)).mean(1)
-        variance = uniform_filter1d(bends, WINDOW) + (LEAST_ACCELERATION * noise) ** 2
+        variance = uniform_filter1d(bends, WINDOW) + (LEAST_ACCELERATION * inner) ** 2
     return track, weight
 
 
 def _weights(
-    residuals: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
+    residuals: Float64[np.ndarray, "T 3"],
+    trusted: Bool[np.ndarray, " T"],
+    noise: Float64[np.ndarray, " T"],
 ) -> Float64[np.ndarray, " T"]:
     """Weights of frames by Student's t."""
     return trusted * (FREEDOM + 3) / (FREEDOM + np.square(residuals).sum(1) / noise**2)
@@ -167,7 +173,9 @@ def _solve(
 
 
 def smooth_rotations(
-    observed: Rotation, trusted: Bool[np.ndarray, " T"], noise: float
+    observed: Rotation,
+    trusted: Bool[np.ndarray, " T"],
+    noise: float | Float64[np.ndarray, " T"],
 ) -> tuple[Rotation, Float64[np.ndarray, " T"]]:
     """The smooth track of a rotation, and the weight of each frame in it, 0 to 1.
 

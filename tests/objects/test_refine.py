@@ -181,7 +181,7 @@ def test_no_pose_is_taken_farther_than_noise_explains():
     refined = refine_object(smooth, examined, [strange], 30.0)
     center = (WEDGE.verts.amax(0) + WEDGE.verts.amin(0)) / 2
     moved = (refined.rotation - smooth.rotation) @ center + refined.translation - smooth.translation
-    assert moved.norm(dim=-1).max() < 3.01 * 3**0.5 * float(examined.translation_noise)
+    assert moved.norm(dim=-1).max() < 3.01 * 3**0.5 * float(examined.translation_noise.max())
 
 
 def white(track: ObjectTrack, degrees: float, metres: float, seed: int) -> ObjectTrack:

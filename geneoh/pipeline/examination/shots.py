@@ -130,13 +130,11 @@ def _joined_hand(parts: list[HandResult], shots: list[slice]) -> HandResult:
 
 
 def _joined_examination(parts: list[ObjectExamination]) -> ObjectExamination:
-    """Concatenate the examinations of all shots, with the largest noise among them."""
+    """Concatenate the examinations of all shots."""
     aligned = with_masks(part.aligned for part in parts)
     masked = [replace(part, aligned=track) for part, track in zip(parts, aligned, strict=True)]
     return replace(
         concatenated(masked),
-        rotation_noise=torch.stack([part.rotation_noise for part in parts]).amax(0),
-        translation_noise=torch.stack([part.translation_noise for part in parts]).amax(0),
         is_noisy=torch.stack([part.is_noisy for part in parts]).any(0),
     )
 
