@@ -1,7 +1,8 @@
 """The choice of the best of several actions that were sampled for the same sentence.
 
 Some samples are faulty: the object moves without a hand near it, the motion is a mean of two ways
-of doing something, or a hand penetrates the object deeply. What even the best one lacks is noted.
+of doing something, a hand turns over within a frame, or it penetrates the object deeply. What even
+the best one lacks is noted.
 """
 
 import torch
@@ -23,6 +24,7 @@ MISSED_SHARE, MISSED = 0.25, 0.005
 """How far an object may be, on average, from its sampled motion when it moves only while a hand
 touches it: a share of the sampled displacement, plus metres."""
 HANDS = 2.0  # weight of a distance of hands relative to one of the object
+JUMP = 0.08  # step of a keypoint in one frame above which a hand jumps, metres
 DEPTH_EVERY = 5  # step between the frames in which penetration depths are measured
 DEEPEST = 0.1  # metres: no hand is deeper in an object that hands can hold
 HARDLY_MOVED = 0.01  # how far an object moves at most that is told to rest, metres
@@ -36,7 +38,8 @@ def best_draws(
 
     Candidates are the samples that fit, or all if none does. Of these those stay whose hands carry
     the object, or the one that comes closest to it; then the half that is most like the others; and
-    of this half the sample with the least penetration depth.
+    of this half the sample with the least penetration depth. Samples in which a hand jumps are kept
+    only if one jumps in all that stay.
     """
     actions = actions.to(torch.device("cpu"))
     fitting = torch.ones(len(actions.verb), dtype=torch.bool) if fits is None else fits.cpu()
@@ -47,7 +50,10 @@ def best_draws(
     unlike = (distances(actions, draws) * carried[:, None]).sum(2).masked_fill(~carried, torch.inf)
     half = (carried.sum(1, keepdim=True) + 1) // 2
     typical = unlike.argsort(1).argsort(1) < half
-    depth = depth_in_object(actions).unflatten(0, (-1, draws)).masked_fill(~typical, torch.inf)
+    calm = (largest_step(actions) < JUMP).unflatten(0, (-1, draws))
+    rank = carried * (1 + typical + 2 * calm)
+    best = rank == rank.amax(1, keepdim=True)
+    depth = depth_in_object(actions).unflatten(0, (-1, draws)).masked_fill(~best, torch.inf)
     return torch.arange(len(depth)) * draws + depth.argmin(1)
 
 
@@ -65,6 +71,12 @@ def moved_by(actions: Actions) -> Float[Tensor, " B"]:
     """Largest distance of a part of each object from where it was at the start, metres."""
     places = _object_places(actions)
     return (places - places[:, :1]).norm(dim=-1).amax(-1).mul(actions.valid).amax(1)
+
+
+def largest_step(actions: Actions) -> Float[Tensor, " B"]:
+    """Longest step of a keypoint of the hands from one frame to the next, metres."""
+    steps = actions.keypoints().diff(dim=2).norm(dim=-1).amax(-1)
+    return (steps * (actions.hands[..., None] & actions.valid[:, None, 1:])).flatten(1).amax(1)
 
 
 def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:

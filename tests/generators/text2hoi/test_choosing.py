@@ -15,6 +15,7 @@ from geneoh.generators.text2hoi.choosing import (
     best_draws,
     depth_in_object,
     distances,
+    largest_step,
     missed_motion,
     moved_by,
 )
@@ -63,6 +64,18 @@ def test_of_the_half_most_like_the_others_the_least_deep_one_is_kept():
     strange, deep, beside = lifted(0.5, aside=0.015), lifted(aside=-0.02), lifted(0.21)
     clips = strange, deep, beside, deep, strange, beside, deep, deep
     assert best_draws(draws(*clips), 4).tolist() == [2, 5]
+
+
+def test_a_draw_in_which_a_hand_turns_over_within_a_frame_is_not_kept_where_another_carries():
+    calm, away = lifted(aside=-0.02), lifted(aside=0.5)
+    pose = lifted().pose.clone()
+    pose[:, 1, :3, 0, 2] += torch.pi
+    turned = replace(lifted(), pose=pose)
+    turned_step, lifted_step = largest_step(draws(turned, calm)).tolist()
+    assert turned_step > 0.3
+    assert lifted_step == pytest.approx(0.2 / (FRAMES - 1), abs=1e-6)
+    assert best_draws(draws(turned, calm, turned), 3).tolist() == [1]
+    assert best_draws(draws(turned, away, turned), 3).tolist() == [0]
 
 
 def test_draws_that_do_not_fit_are_not_kept_where_another_one_does():
