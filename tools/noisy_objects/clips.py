@@ -10,7 +10,7 @@ from typing import Literal, cast, get_args
 import torch
 import trimesh.creation
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from torch import Tensor
 
 from geneoh.choices import Noise, ObjectNoise
@@ -81,10 +81,16 @@ SPINS = "spins"
 HandNoise = Literal[Noise, "clean"]
 WhiteNoise = Literal["turn 2", "turn 10", "place 2", "place 10", "both 2", "both 10"]
 """White noise, by its standard deviation per axis in degrees and millimetres."""
+CoveredNoise = Literal["covered 2", "covered 5"]
+"""White noise of so many degrees and millimetres while the object moves, as where a hand covers it,
+and `UNCOVERED` of it in other frames."""
+UNCOVERED, MOVED, COVERED_FRAMES = 0.1, 0.002, 9
+"""Share of that noise; step of a vertex from which the object moves, on average, metres; and frames
+around one in which it moves that count as moving, too."""
 Gap = Literal["lost 10", "lost 30", "on a line 10", "on a line 30"]
 """Number of frames without a pose, in one gap where they are farthest from a straight line; or with
 poses on this line, without a mark."""
-ObjectKind = Literal[ObjectNoise, WhiteNoise, ObjectFilter, Gap, "exact", "spins"]
+ObjectKind = Literal[ObjectNoise, WhiteNoise, CoveredNoise, ObjectFilter, Gap, "exact", "spins"]
 
 
 @cache
@@ -294,6 +300,8 @@ def with_noisy_object(
         return with_gap(sequence, kind)
     if kind in get_args(WhiteNoise):
         return with_white_noise(sequence, kind, generator)
+    if kind in get_args(CoveredNoise):
+        return with_white_noise(sequence, kind, generator, covered(sequence))
     return corrupt_object(sequence, cast(ObjectNoise, kind), generator=generator)
 
 
@@ -313,10 +321,24 @@ def with_gap(sequence: Sequence, kind: str) -> Sequence:
     return replace(sequence, object=filled if name == "lost" else replace(filled, valid=None))
 
 
-def with_white_noise(sequence: Sequence, kind: str, generator: torch.Generator) -> Sequence:
-    """White noise of the rotation, of the translation, or of both."""
+def covered(sequence: Sequence) -> Float[Tensor, "T 1 1"]:
+    """Share of the noise of each frame's pose of an object that is covered while it moves."""
+    motion = sequence.object
+    verts = motion.rotation[:, 0] @ motion.meshes[0].verts.T + motion.translation[:, 0, :, None]
+    steps = verts.diff(dim=0, prepend=verts[:1]).norm(dim=1).mean(-1)
+    moves = maximum_filter1d((steps > MOVED).numpy(), COVERED_FRAMES)
+    return torch.where(torch.from_numpy(moves), 1.0, UNCOVERED)[:, None, None]
+
+
+def with_white_noise(
+    sequence: Sequence,
+    kind: str,
+    generator: torch.Generator,
+    share: Float[Tensor, "T 1 1"] | float = 1.0,
+) -> Sequence:
+    """White noise of the rotation, of the translation, or of both; a share of it in each frame."""
     name, size = kind.split()
-    turn, shift = torch.randn(2, sequence.frames, 1, 3, generator=generator)
+    turn, shift = share * torch.randn(2, sequence.frames, 1, 3, generator=generator)
     turn *= math.radians(float(size)) * (name != "place")
     shift *= 0.001 * float(size) * (name != "turn")
     return displaced(sequence, axis_angle_to_matrix(turn), shift)

@@ -13,7 +13,7 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.drift import DRIFT_SECONDS
 from geneoh.objects.holding import Frame
 from geneoh.objects.palms import world_path
-from geneoh.objects.refine import poses_of, refine_object, solve
+from geneoh.objects.refine import fading_differences, poses_of, refine_object, solve
 from geneoh.objects.symmetry import Symmetry
 from geneoh.sequence.object_noise import DEGREES, METRES_PER_DEGREE
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -98,12 +98,14 @@ def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps:
     ]
     stay, ones, none = np.exp(-1 / (DRIFT_SECONDS * fps)), np.ones(count), np.zeros((count - 2, 3))
     loose, sizes = 0 * ones, [(n, n) for n in noise]
+    second = fading_differences(ones > 0)
     moves = [(turn, shift, rest)]
-    places = solve(seen[1], ones, sizes[1], stay, loose, [], moves, none, stiff[1])
+    bend = second, none, stiff[1]
+    places = solve(seen[1], ones, sizes[1], stay, loose, [], moves, bend)
     turns = start[0]
     for _ in range(4):
         gap, steps = (seen[0] * turns.inv()).as_rotvec(), np.diff(world_path(turns), axis=0)
-        moves, bend = [(turn, -steps, rest / 36)], -np.diff(steps, axis=0)
-        change = solve(gap, ones, sizes[0], stay, loose, [], moves, bend, stiff[0])
+        moves, bend = [(turn, -steps, rest / 36)], (second, -np.diff(steps, axis=0), stiff[0])
+        change = solve(gap, ones, sizes[0], stay, loose, [], moves, bend)
         turns = Rotation.from_rotvec(change) * turns
     return turns, places

@@ -26,6 +26,7 @@ from tools.noisy_objects.clips import (
     TRACKED,
     TRAY,
     WALKED,
+    CoveredNoise,
     Gap,
     WhiteNoise,
 )
@@ -70,6 +71,7 @@ GRIDS: dict[str, Grid] = {
     "large": (LARGE_CLIPS, LASTING_NOISES, ("exact",), {}),
     "enclosed": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {}),
     "enclosed_trusted": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {"trusted": True}),
+    "covered": (CLIPS, LASTING_NOISES, ("exact", *get_args(CoveredNoise)), {}),
     "gaps": (CLIPS, LASTING_NOISES, ("exact", *get_args(Gap)), {}),
     "tray": (tuple(TRAY + name for name in CLIPS), LASTING_NOISES, ("exact",), {}),
     "walked": (WALKED_CLIPS, LASTING_NOISES, ("exact",), {"alone": True}),
