@@ -142,9 +142,8 @@ def clean_part(
     limit = views.limit(limit, RigidMotion.turn_changes)
     chain, world, center = _aligned(poses, seen, symmetry, limit, fps)
     turning = Views.of(replace(world, seen=chain.kept), palms)
-    if uneven := uneven_noise(
-        Views.of(world, palms), lower_quartile
-    ):  # where it is largest, noise alone may exceed the limit
+    # where noise is largest, it alone may exceed the limit
+    if uneven := uneven_noise(Views.of(world, palms), lower_quartile):
         loudest = max(noise for _, noise in uneven)
         limit = max(limit, min(NOISE_LIMIT * loudest, LARGEST_NOISE_LIMIT))
         chain, world, center = _aligned(poses, seen, symmetry, limit, fps)
