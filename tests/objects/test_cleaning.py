@@ -93,7 +93,7 @@ def test_noise_of_the_place_or_of_the_rotation_alone_is_noise(degrees, metres):
     assert clean_object(shaken(lifted(WEDGE), degrees, metres), FPS)[1].is_noisy.all()
 
 
-@pytest.mark.parametrize(("degrees", "metres"), [(1.5, 0.002), (5.0, 0.005)])
+@pytest.mark.parametrize(("degrees", "metres"), [(1.0, 0.002), (1.5, 0.002), (5.0, 0.005)])
 def test_a_track_that_shakes_at_its_start_alone_is_calmed_there(degrees, metres):
     motion = lifted(WEDGE)
     given = shaken(motion, degrees, metres)
