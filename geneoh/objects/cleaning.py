@@ -57,13 +57,14 @@ LOCAL_FRAMES, UNEVEN = 31, 1.5
 that in all frames from which it is used: up to 1.4 where noise is even, from 1.5 to 6 where an
 object jitters only while a hand covers it."""
 SHAKES_LOCALLY = 2.0
-"""Rotational noise of a window, in units of the largest of an exact track, from which that is not
+"""Rotational noise of a window, in units of the largest of an exact track, above which that is not
 exact: motion capture has at most 0.7 anywhere."""
 CHI3_QUARTILE = 1.101  # lower quartile of the length of three standard normal variables
 LEAST_STRETCH = 6  # least number of kept frames in a stretch between jumps that is smoothed
 
 
 FrameNoise = Float64[np.ndarray, " T"]
+LocalNoise = list[tuple[float, float]]
 Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
 
 
@@ -132,7 +133,7 @@ def clean_part(
     world = RigidMotion(rotations, rotations.apply(middle) + places, seen)
     views = Views.of(world, palms)
     shakes = is_shaky(views, fps)
-    somewhere = shakes or shakes_somewhere(views, fps)
+    somewhere = shakes or loudest(local_noise(views)) > local_bound(fps)
     limit = step_limit(increments(rotations), TURN_CHANGE, fps)
     turns_agree = world.turn_changes().max() < views.limit(limit, RigidMotion.turn_changes)
     if not somewhere and turns_agree and steady_places(views, fps).all():
@@ -143,13 +144,17 @@ def clean_part(
     chain, world, center = _aligned(poses, seen, symmetry, limit, fps)
     turning = Views.of(replace(world, seen=chain.kept), palms)
     # where noise is largest, it alone may exceed the limit
-    if uneven := uneven_noise(Views.of(world, palms), lower_quartile):
-        loudest = max(noise for _, noise in uneven)
-        limit = max(limit, min(NOISE_LIMIT * loudest, LARGEST_NOISE_LIMIT))
+    views = Views.of(world, palms)
+    local = local_noise(views, lower_quartile)
+    if is_uneven(local, views, fps):
+        limit = max(limit, min(NOISE_LIMIT * loudest(local), LARGEST_NOISE_LIMIT))
         chain, world, center = _aligned(poses, seen, symmetry, limit, fps)
         turning = Views.of(replace(world, seen=chain.kept), palms)
-    shakes = shakes or (somewhere and shakes_somewhere(turning, fps))
-    return _smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
+    local = local_noise(turning)
+    shakes = shakes or (somewhere and loudest(local) > local_bound(fps))
+    views = Views.of(world, palms)
+    noise = noise_of_frames(turning, views, local if is_uneven(local, turning, fps) else [])
+    return _smoothed(views, noise, center, chain, shakes, fps)
 
 
 def _aligned(
@@ -180,47 +185,60 @@ def _kept_symmetry(mesh: Mesh) -> Symmetry:
 
 def is_shaky(views: Views, fps: float) -> bool:
     """Whether the rotation or the centre of a part has more noise than an exact track."""
-    bound = max(1.0, (30 / fps) ** 2)
+    bound = seeming_noise(fps)
     turns = views.turn_noise(quietest) > bound * EXACT_ROTATION
     return turns or views.place_noise(quietest) > bound * EXACT_TRANSLATION
 
 
-def shakes_somewhere(views: Views, fps: float) -> bool:
-    """Whether the rotation of a part has more noise than an exact track in a part of the clip."""
-    bound = max(1.0, (30 / fps) ** 2) * SHAKES_LOCALLY * EXACT_ROTATION
-    return any(window.turn_noise() > bound for _, window in views.windows(LOCAL_FRAMES))
+def seeming_noise(fps: float) -> float:
+    """How much more noise an exact track seems to have than at 30 frames a second: its motion from
+    frame to frame is the larger, the fewer frames there are."""
+    return max(1.0, (30 / fps) ** 2)
 
 
-def uneven_noise(views: Views, summary: Summary = np.median) -> list[tuple[float, float]]:
-    """Middle frame of each window and white noise per axis of the rotation in it, radians; none if
-    the noise is even."""
-    found = [(middle, window.turn_noise(summary)) for middle, window in views.windows(LOCAL_FRAMES)]
-    usual = max(UNEVEN * views.turn_noise(), SHAKES_LOCALLY * EXACT_ROTATION)
-    return found if max((noise for _, noise in found), default=0.0) > usual else []
+def local_bound(fps: float) -> float:
+    """Rotational noise of a window, radians, above which the track is not exact there."""
+    return seeming_noise(fps) * SHAKES_LOCALLY * EXACT_ROTATION
 
 
-def noise_of_frames(turning: Views, views: Views) -> tuple[FrameNoise, FrameNoise]:
+def local_noise(views: Views, summary: Summary = np.median) -> LocalNoise:
+    """Middle frame of each window, and white noise per axis of the rotation in it, radians."""
+    return [(middle, window.turn_noise(summary)) for middle, window in views.windows(LOCAL_FRAMES)]
+
+
+def loudest(local: LocalNoise) -> float:
+    """The largest noise of all windows; zero if there are none."""
+    return max((noise for _, noise in local), default=0.0)
+
+
+def is_uneven(local: LocalNoise, views: Views, fps: float) -> bool:
+    """Whether a window has clearly more noise than an exact track, and than all frames together."""
+    return loudest(local) > max(UNEVEN * views.turn_noise(), local_bound(fps))
+
+
+def noise_of_frames(
+    turning: Views, views: Views, uneven: LocalNoise
+) -> tuple[FrameNoise, FrameNoise]:
     """White noise of each frame, of the rotation in `turning` and of the position in `views`: as in
-    all frames, or as in the windows around it if that of the rotation is uneven. That of the
+    all frames, or as in the windows around it where that of the rotation is `uneven`. That of the
     position alone does not tell, since a hand that shakes the object adds its own."""
     count = len(views.world.seen)
     least = EXACT_ROTATION / 4, EXACT_TRANSLATION / 4
-    turns = uneven_noise(turning)
-    if not turns:
+    if not uneven:
         whole = max(turning.turn_noise(), least[0]), max(views.place_noise(), least[1])
         return np.full(count, whole[0]), np.full(count, whole[1])
     places = [(middle, window.place_noise()) for middle, window in views.windows(LOCAL_FRAMES)]
     first, second = (
         # the median over a window shows too little at its onset
         np.interp(np.arange(count), middles, maximum_filter1d(noise, 3)).clip(floor)
-        for (middles, noise), floor in zip(map(np.transpose, (turns, places)), least, strict=True)
+        for (middles, noise), floor in zip(map(np.transpose, (uneven, places)), least, strict=True)
     )
     return first, second
 
 
 def _smoothed(
     views: Views,
-    turning: Views,
+    noise: tuple[FrameNoise, FrameNoise],
     center: Float64[np.ndarray, " 3"],
     chain: Chain,
     shakes: bool,
@@ -228,13 +246,12 @@ def _smoothed(
 ) -> CleanPart:
     """A part's track from its chain: smoothed if it shakes, else unchanged in kept frames.
 
-    `views` has the positions of the point `center` of the part; `turning` is the same with only the
-    frames of the chain seen.
+    `views` has the positions of the point `center` of the part; `noise` is that of the rotation and
+    of this position.
     """
     rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
     there = steady_places(views, fps) & seen
-    noise = noise_of_frames(turning, views)
     clean, weight = smooth_stretches(rotations, chain, noise[0])
     placed = steady(middles, chain.kept, noise[1]) & there
     if placed.sum() < 2:  # position and rotation are possible in other frames each

@@ -116,6 +116,15 @@ def test_a_track_that_shakes_at_its_start_as_little_as_motion_capture_is_exact()
     assert clean_object(given, FPS)[0] is given
 
 
+def test_motion_of_few_frames_a_second_is_not_uneven_noise():
+    motion = lifted(WEDGE)
+    given = shaken(motion, 1.0, 0.0)
+    given.rotation[60:] = motion.rotation[60:]
+    given.rotation[100:108] @= torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
+    assert float(np.ptp(clean_object(given, FPS)[1].rotation_noise.numpy())) > 0
+    assert float(np.ptp(clean_object(given, FPS / 3)[1].rotation_noise.numpy())) == 0
+
+
 @pytest.mark.parametrize("start", [50, 0, FRAMES - 8])
 def test_flips_are_left_out_and_the_frames_around_them_stay_exact(start):
     motion, flipped = lifted(WEDGE), slice(start, start + 8)

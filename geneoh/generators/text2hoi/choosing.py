@@ -24,7 +24,7 @@ MISSED_SHARE, MISSED = 0.25, 0.005
 """How far an object may be, on average, from its sampled motion when it moves only while a hand
 touches it: a share of the sampled displacement, plus metres."""
 HANDS = 2.0  # weight of a distance of hands relative to one of the object
-JUMP = 0.08  # step of a keypoint in one frame above which a hand jumps, metres
+JUMP = 0.08  # step of a keypoint in one frame from which on a hand jumps, metres
 DEPTH_EVERY = 5  # step between the frames in which penetration depths are measured
 DEEPEST = 0.1  # metres: no hand is deeper in an object that hands can hold
 HARDLY_MOVED = 0.01  # how far an object moves at most that is told to rest, metres
