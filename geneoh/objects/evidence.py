@@ -26,7 +26,9 @@ from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
 
-TOLERATED = 0.012  # noise of the object's surface at which its reliability is 0.5, metres
+TOLERATED, TOLERATED_BY_RAY = 0.012, 0.03
+"""Noise of the object's surface at which its reliability is 0.5, metres; and the same for a hand
+with a known ray from the camera, beside whose error along this ray such noise is small."""
 FEW, ENOUGH = 0.3, 0.6
 """Share of the seen poses that agree with one another: reliability is 0 up to the first bound, and
 not reduced from the second on."""
@@ -75,11 +77,12 @@ def evidence_of_poses(
     motion: ObjectTrack,
     fps: float,
     error: Float[Tensor, "T Q"] | None = None,
+    tolerated: float = TOLERATED,
 ) -> Float[Tensor, "T Q"]:
     """Reliability, 0 to 1, of each pose of an examined track; 1 if a part is exact or never seen.
 
     `motion` is the track after cleaning, and `error` the expected one of poses by other causes than
-    noise, metres."""
+    noise, metres. `tolerated` is `TOLERATED` or `TOLERATED_BY_RAY`."""
     found = torch.ones_like(examined.confidence)
     lost = examined.confidence == 0
     doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
@@ -94,7 +97,7 @@ def evidence_of_poses(
         # frames without a pose count neither as agreement nor as contradiction
         agree = kept.sum() / max((kept | examined.left_out[:, part].cpu().numpy()).sum(), 1)
         share = min(max((agree - FEW) / (ENOUGH - FEW), 0.0), 1.0)
-        relied = share / (1 + (size**2 + np.square(missed)) / TOLERATED**2)
+        relied = share / (1 + np.square(size / tolerated) + np.square(missed / TOLERATED))
         relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED_FRAMES))
         relied = gaussian_filter1d(relied, FADE_FRAMES * fps / 30, mode="nearest")
         found[:, part] = torch.from_numpy(relied).to(found)

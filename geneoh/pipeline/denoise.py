@@ -213,11 +213,11 @@ def open_meshes(motion: ObjectTrack, surface: MovingSurface | None) -> Iterator[
 
 def _fitted(ready: Prepared, run: HandRun, options: Options) -> list[FittedHand]:
     """Each hand after its fit, on `options.device`; see `HandRun.fitted`."""
-    relied = ready.examined.relied
     tracks = {hand.side: hand.track for hand in ready.undone}
     fitted: list[FittedHand] = []
     for hand in ready.hands:
-        there = hand.to(options.device)
+        there, found = hand.to(options.device), ready.examined
+        relied = found.relied if hand.track.camera_ray is None else found.relied_by_ray
         at = relied[nearest_frames(len(relied), hand.track.frames)].to(options.device)
         fitted.append(run.fitted(there, _model(there, options), at, tracks.get(hand.side)))
     return fitted

@@ -110,7 +110,7 @@ def prepared(sequence: Sequence, options: Options, stored: ObjectTrack) -> Prepa
             exact = ObjectExamination.of_exact(motion)
             relied = evidence_of_poses(exact, motion, sequence.fps)[:, motion.seen_parts]
             motion = held_in_gaps(motion, map(palm_of, sequence.hands))
-        ready = Examined(sequence.hands, motion, relied)
+        ready = Examined(sequence.hands, motion, relied, relied)
     given = replace(sequence, hands=ready.hands)
     seen, ray_notes = with_found_rays(replace(given, object=ready.met), chosen)
     notes += [*ready.notes, *ray_notes]

@@ -11,6 +11,7 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import (
     CLEAR,
     TOLERATED,
+    TOLERATED_BY_RAY,
     UNCLEAR,
     acceleration_around,
     blended,
@@ -106,6 +107,22 @@ def test_poses_that_are_seen_count_however_few_there_are():
     error = torch.full((FRAMES, 1), 2 * TOLERATED)
     less = evidence_of_poses(clean_object(motion, 30.0)[1], motion, 30.0, error)
     torch.testing.assert_close(less, relied / 5)
+
+
+def test_noise_of_the_poses_counts_less_by_a_ray_and_gaps_as_much():
+    motion = track_with_a_gap(0.0)
+    noise = 0.008 * torch.randn(FRAMES, 1, 3, generator=torch.Generator().manual_seed(0))
+    noisy = replace(motion, translation=motion.translation + noise)
+
+    def relied(given, tolerated):
+        clean, examined = clean_object(given, 30.0)
+        return evidence_of_poses(examined, clean, 30.0, tolerated=tolerated)[:, 0]
+
+    strict, lenient = relied(noisy, TOLERATED), relied(noisy, TOLERATED_BY_RAY)
+    assert float(strict[:30].max()) < 0.5
+    assert float(lenient[:30].min()) > 0.75
+    assert float((lenient / strict)[45]) == pytest.approx(float((lenient / strict)[20]), rel=0.05)
+    torch.testing.assert_close(relied(motion, TOLERATED), relied(motion, TOLERATED_BY_RAY))
 
 
 def test_a_part_that_is_apart_from_the_hand_says_nothing_of_it():

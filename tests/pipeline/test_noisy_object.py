@@ -51,6 +51,14 @@ def error_and_acceleration(result: geneoh.Denoised, truth: Sequence) -> tuple[fl
     return tuple(1000 * float(values.norm(dim=-1).mean()) for values in (off, bends))
 
 
+def test_a_hand_with_a_ray_relies_more_on_a_noisy_object(cleaned, shaking):
+    (hand,) = shaking.hands
+    ray = torch.nn.functional.normalize(hand.joints.mean(1), dim=-1)
+    seen = geneoh.denoise(replace(shaking, hands=(replace(hand, camera_ray=ray),)), FAST)
+    by_ray, without = (float(x.hands[hand.side].evidence.median()) for x in (seen, cleaned))
+    assert by_ray > 1.5 * without
+
+
 def test_the_hand_does_not_inherit_the_noise_of_the_object(cleaned, shaking, clean):
     error, acceleration = error_and_acceleration(cleaned, clean)
     trusting = geneoh.denoise(shaking, replace(FAST, without=("object",)))

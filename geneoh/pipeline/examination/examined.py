@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import evidence_of_poses
+from geneoh.objects.evidence import TOLERATED, TOLERATED_BY_RAY, evidence_of_poses
 from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_of
@@ -28,6 +28,8 @@ class Examined:
     relied: Float[Tensor, "T Q"]
     """Reliability, 0 to 1, of the poses of the parts that were ever seen. With a trusted object,
     only frames without a pose lower it."""
+    relied_by_ray: Float[Tensor, "T Q"]
+    """The same for hands with a known ray from the camera."""
     undone: tuple[HandTrack, ...] = ()
     """The input tracks of the hands in which a filter was undone."""
     examination: ObjectExamination | None = None  # None if the object is trusted
@@ -55,11 +57,15 @@ def examined(
     motion = held_in_gaps(cleaned, palms)
     delays = tuple(hand_delay(hand, motion, fps) for hand in hands)
     sharp = sharpened(hands, palms, delays, motion, examination, fps)
-    relied = evidence_of_poses(examination, sharp.object, fps, sharp.error)
+    relied, by_ray = (
+        evidence_of_poses(examination, sharp.object, fps, sharp.error, bound)
+        for bound in (TOLERATED, TOLERATED_BY_RAY)
+    )
     return Examined(
         hands=sharp.hands,
         object=sharp.object,
         relied=relied[:, sharp.object.seen_parts],
+        relied_by_ray=by_ray[:, sharp.object.seen_parts],
         undone=tuple(h for h, new in zip(hands, sharp.hands, strict=True) if new is not h),
         examination=examination,
         notes=(*lines, *repeated, *turned, *examination.sentences(refined), *sharp.notes),

@@ -25,7 +25,13 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.model import HandModel
 from geneoh.objects.carrying import carrier_of
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import evidence_at_hand, evidence_of_nearness, evidence_of_poses
+from geneoh.objects.evidence import (
+    TOLERATED,
+    TOLERATED_BY_RAY,
+    evidence_at_hand,
+    evidence_of_nearness,
+    evidence_of_poses,
+)
 from geneoh.objects.examination import ObjectExamination
 from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_at
@@ -268,7 +274,9 @@ class RecentHand:
             noise, clean = examined.white_noise, motion.of_parts(motion.seen_parts)
             surface = replace(surface, rotation=clean.rotation, translation=clean.translation)
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
-        relied = evidence_of_poses(examined, motion, NETWORK_FPS)[:, motion.seen_parts]
+        bound = TOLERATED if ray is None else TOLERATED_BY_RAY
+        relied = evidence_of_poses(examined, motion, NETWORK_FPS, tolerated=bound)
+        relied = relied[:, motion.seen_parts]
         return surface, evidence_at_hand(relied, subject.joints, surface), near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:
