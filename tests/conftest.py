@@ -1,5 +1,6 @@
 """Settings of every test run, and the devices that tests of devices run on."""
 
+import gc
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -19,6 +20,20 @@ torch.set_num_threads(1)
 # The same examples in every run, and no deadline: the first call of a function pays its imports.
 settings.register_profile("geneoh", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("geneoh")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[Any]:
+    """Make modules and tests without a search for garbage, which they are not, then or later.
+
+    There are half a million of their objects, and each search would look at all of them.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)
