@@ -12,6 +12,7 @@ import trimesh
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.viz import camera
 from geneoh.viz.scene import make_scene
 
 FRAMES = 6
@@ -48,6 +49,12 @@ def interaction(lift: float, source: str, parts: int = 1) -> Sequence:
     left = replace(right.mirrored(), valid=torch.arange(FRAMES) > 0)
     meshes = (cube(0.06),) * parts
     return Sequence((right, left), ObjectTrack(meshes, turn, place), 30.0, source)
+
+
+@pytest.fixture
+def few_directions(monkeypatch):
+    """The camera tries few directions, where a test is not about what the picture shows."""
+    monkeypatch.setattr(camera, "TURNS", 2)
 
 
 @pytest.fixture

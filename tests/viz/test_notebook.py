@@ -9,6 +9,8 @@ import pytest
 
 from geneoh.viz.view import view
 
+pytestmark = pytest.mark.usefixtures("few_directions")
+
 
 @pytest.fixture
 def notebook(monkeypatch):

@@ -18,6 +18,8 @@ from geneoh.viz.outputs import write
 from geneoh.viz.scene import make_scene
 from geneoh.viz.video import ffmpeg_path, film_frames
 
+pytestmark = pytest.mark.usefixtures("few_directions")
+
 
 @pytest.fixture(scope="module")
 def one_hand(scene):

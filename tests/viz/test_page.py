@@ -16,6 +16,8 @@ from geneoh.metrics.report import measure_posed
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import make_scene
 
+pytestmark = pytest.mark.usefixtures("few_directions")
+
 NOTES = ("left hand: <b>1</b> & 'two'", "a {{TITLE}}")
 
 

@@ -23,6 +23,8 @@ from geneoh.viz.serve import (
 )
 from geneoh.viz.view import open_scene
 
+pytestmark = pytest.mark.usefixtures("few_directions")
+
 
 def test_the_clip_that_sinks_deepest_comes_first(scene):
     clips = [

@@ -27,6 +27,8 @@ from geneoh.viz.canvas import LEAST_COLUMN
 from geneoh.viz.page import page_html
 from geneoh.viz.view import confidence_of, open_scene, view
 
+pytestmark = pytest.mark.usefixtures("few_directions")
+
 
 def titles(path: Path) -> list[str]:
     return [version["title"] for version in page_scene(path)["versions"]]
