@@ -51,10 +51,16 @@ REPLACING = ("denoise", "corrupt", "view")
 """Commands that replace an older result; the others go on where they stopped."""
 
 
-def write_inputs(folder: Path) -> None:
-    """What all commands read."""
+def write_inputs(folder: Path, name: str) -> None:
+    """What a command reads."""
     write_good(folder)
     trees.landmarks(folder, trees.scene(), False)
+    if name == "train":
+        write_data(folder)
+
+
+def write_data(folder: Path) -> None:
+    """What is trained on."""
     config = SynthesisConfig(count=4, frames=62, points=8, shard=2, grasps=ANY_GRASP)
     write_shards(folder / "data", config, seed=0)
 
@@ -104,8 +110,10 @@ def run_of(name: str, cleaned: Callable[..., object] | None) -> Callable[[], Non
     def run() -> None:
         import geneoh
         from geneoh.batch import cleaning
+        from geneoh.viz import camera
         from geneoh_cli.main import cli
 
+        camera.TURNS = 1  # how a page is written does not depend on where it looks from
         if cleaned is not None:
             geneoh.denoise = cleaning.denoise = cleaned
         cli.main(list(COMMANDS[name]), prog_name="geneoh")

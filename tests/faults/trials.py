@@ -35,7 +35,7 @@ class Bench:
         self.report = self.folder / "count.txt"
         self.folder.mkdir(mode=0o755)
         os.chdir(self.folder)
-        write_inputs(self.folder)
+        write_inputs(self.folder, self.name)
         hand = (self.folder / "hand.npz").read_bytes()
         self.out.mkdir()
         other_input(self.folder)
@@ -184,7 +184,7 @@ def cleaned_before(folder: Path) -> Callable[..., object]:
     import geneoh
 
     folder.mkdir()
-    write_inputs(folder)
+    write_inputs(folder, "denoise")
     sequence = geneoh.load(folder / "hand.npz", obj=folder / "object.obj")
     with torch.random.fork_rng():
         result = geneoh.denoise(sequence, geneoh.Options(preset="fast", samples=1, steps=1))
