@@ -9,6 +9,7 @@ import torch
 import geneoh
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.pipeline.inputs import checked_interaction, left_out
+from geneoh.pipeline.results import Denoised
 from geneoh.readers.checks.delay import hand_delay
 from geneoh.sequence.resample import with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -57,17 +58,23 @@ def test_a_pose_places_keypoints_that_no_frame_has(short, points):
     assert float(apart.max()) < 0.012
 
 
-@pytest.mark.parametrize("place", [0.0, 0.3, torch.nan])
-def test_values_without_confidence_do_not_count(short, place):
+@pytest.fixture(scope="module")
+def unsure(short) -> tuple[Sequence, Denoised]:
+    """Keypoints most of which have no confidence, and what is made of them."""
     drawn = torch.rand(short.frames, 21, generator=torch.Generator().manual_seed(0))
     confidence, hand = (drawn > 0.7).float(), short.hands[0]
-    given, spoilt = (
-        HandTrack(hand.side, hand.valid, joints=joints, confidence=confidence)
-        for joints in (hand.joints, hand.joints.masked_fill(confidence[..., None] == 0, place))
-    )
-    one, other = (
-        geneoh.denoise(replace(short, hands=(each,)), preset="fast") for each in (given, spoilt)
-    )
+    track = HandTrack(hand.side, hand.valid, joints=hand.joints, confidence=confidence)
+    given = replace(short, hands=(track,))
+    return given, geneoh.denoise(given, preset="fast")
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, torch.nan])
+def test_values_without_confidence_do_not_count(unsure, place):
+    given, one = unsure
+    (hand,) = given.hands
+    joints = hand.joints.masked_fill(hand.confidence[..., None] == 0, place)
+    spoilt = replace(given, hands=(replace(hand, joints=joints),))
+    other = geneoh.denoise(spoilt, preset="fast")
     assert torch.equal(one.sequence.hands[0].joints, other.sequence.hands[0].joints)
     assert one.doubts == other.doubts
 
