@@ -70,9 +70,9 @@ def notes_of(sequence: Sequence) -> tuple[str, ...]:
 
 @pytest.mark.parametrize("noise", [None, *get_args(Noise)])
 def test_noise_is_no_fault_of_the_mesh(held, noise):
-    given = held
+    given = held[:60]
     if noise is not None:
-        given = corrupt_sequence(held, noise, generator=torch.Generator().manual_seed(1))
+        given = corrupt_sequence(given, noise, generator=torch.Generator().manual_seed(1))
     notes = notes_of(given)
     assert not any(MESH in words or LARGER in words for words in notes)
     # a camera's hands are decimetres off along its ray, and moved back
