@@ -20,7 +20,7 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.coarse_distance import CELLS, CoarseDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
-from geneoh.geometry.solid import Solid, as_arrays, build_solid
+from geneoh.geometry.solid import as_arrays, build_solid
 from geneoh.interrupts import interrupts_wait
 
 with interrupts_wait():
@@ -90,12 +90,55 @@ class SearchTree:
         return reach.to(points), face.clamp(min=0)
 
 
+class SearchedSolid:
+    """A mesh as a solid, with all that is made of it to find distances: made once."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        """Build the tree; the grid is made when it is first asked for."""
+        self.solid = build_solid(mesh)
+        self.tree = SearchTree(self.solid.surface)
+        self.normals = self.solid.surface.face_normals()
+        self._coarse: CoarseDistance | None = None
+
+    def coarse(self) -> CoarseDistance:
+        """The grid of coarse distances."""
+        if self._coarse is None:
+            self._coarse = CoarseDistance.around(self.solid.low, self.solid.high, self.exact)
+        return self._coarse
+
+    def exact(
+        self, points: Float[Tensor, "N 3"], coarse: CoarseDistance | None = None
+    ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
+        """Signed distance, closest point and normal; with the grid most signs are found sooner."""
+        squared, face, closest = map(torch.from_numpy, self.tree.nearest(points.numpy()))
+        distance = squared.sqrt()
+        inside = self._contains(points, distance, coarse)
+        signed = torch.where(inside, -distance, distance)
+        normal = (points - closest) / signed[:, None]
+        on_surface = (distance < ON_SURFACE)[:, None]
+        normal = torch.where(on_surface, self.normals[face], normal)
+        return signed, closest, normal
+
+    def _contains(
+        self,
+        points: Float[Tensor, "N 3"],
+        distance: Float[Tensor, " N"],
+        coarse: CoarseDistance | None,
+    ) -> Bool[Tensor, " N"]:
+        """Whether each point is inside; `distance` is its unsigned distance to the surface."""
+        if coarse is None:
+            return self.solid.contains(points)
+        inside, sure = coarse.is_inside(points, distance)
+        unsure = torch.nonzero(~sure)[:, 0]
+        inside[unsure] = self.solid.contains(points[unsure])
+        return inside
+
+
 @lru_cache(maxsize=2)
-def solid_with_tree(mesh: Mesh) -> tuple[Solid, SearchTree]:
-    """A mesh as a solid with the tree of its surface; cached, because several steps of a cleaning
-    and the next clip use the same mesh."""
-    solid = build_solid(mesh)
-    return solid, SearchTree(solid.surface)
+def searched_solid(mesh: Mesh) -> SearchedSolid:
+    """What is made of a mesh; cached, because several steps of a cleaning and the next clip use the
+    same mesh."""
+    return SearchedSolid(mesh)
 
 
 class SurfaceDistance:
@@ -108,8 +151,8 @@ class SurfaceDistance:
     def __init__(self, mesh: Mesh) -> None:
         """Build the trees; seconds for 100,000 triangles and more."""
         self.mesh = mesh
-        self.solid, self.tree = solid_with_tree(mesh.copied())
-        self._normals = self.solid.surface.face_normals()
+        self._searched = searched_solid(mesh.copied())
+        self.solid, self.tree = self._searched.solid, self._searched.tree
         self._on_devices: dict[torch.device, Any] = {}
         self._coarse: CoarseDistance | None = None
         self._queried = 0  # points so far that a grid could have answered
@@ -137,7 +180,8 @@ class SurfaceDistance:
             distance[apart], chosen = least[far], chosen[~far]
             closest[apart], normal[apart] = (value[far] for value in found)
         if len(chosen):
-            distance[chosen], closest[chosen], normal[chosen] = self._exact(flat[chosen])
+            found = self._searched.exact(flat[chosen], self._coarse)
+            distance[chosen], closest[chosen], normal[chosen] = found
         return _query(points, distance, closest, normal)
 
     def query_on(
@@ -153,7 +197,7 @@ class SurfaceDistance:
         apart = flat.to(closest) - closest
         distance = apart.norm(dim=-1)
         signed = torch.where(inside, -distance, distance)
-        normals = self._normals.to(closest)[face]
+        normals = self._searched.normals.to(closest)[face]
         normal = torch.where((distance < NEARLY_ON)[:, None], normals, apart / signed[:, None])
         return _query(points, signed, closest, normal)
 
@@ -165,7 +209,7 @@ class SurfaceDistance:
         Infinity and a meaningless normal where the ray meets no surface.
         """
         reach, face = self.tree.exits(points, direction)
-        return reach, self._normals[face].to(points)
+        return reach, self._searched.normals[face].to(points)
 
     def _coarse_distance(self, count: int) -> CoarseDistance | None:
         """The grid of coarse distances; None until so many queries were made that it pays off.
@@ -174,30 +218,8 @@ class SurfaceDistance:
         """
         self._queried += count
         if self._coarse is None and self._queried > CELLS and self.solid.closed:
-            self._coarse = CoarseDistance.around(self.solid.low, self.solid.high, self._exact)
+            self._coarse = self._searched.coarse()
         return self._coarse
-
-    def _exact(
-        self, points: Float[Tensor, "N 3"]
-    ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
-        squared, face, closest = map(torch.from_numpy, self.tree.nearest(points.numpy()))
-        distance = squared.sqrt()
-        signed = torch.where(self._contains(points, distance), -distance, distance)
-        normal = (points - closest) / signed[:, None]
-        on_surface = (distance < ON_SURFACE)[:, None]
-        normal = torch.where(on_surface, self._normals[face], normal)
-        return signed, closest, normal
-
-    def _contains(
-        self, points: Float[Tensor, "N 3"], distance: Float[Tensor, " N"]
-    ) -> Bool[Tensor, " N"]:
-        """Whether each point is inside; `distance` is its unsigned distance to the surface."""
-        if self._coarse is None:
-            return self.solid.contains(points)
-        inside, sure = self._coarse.is_inside(points, distance)
-        unsure = torch.nonzero(~sure)[:, 0]
-        inside[unsure] = self.solid.contains(points[unsure])
-        return inside
 
 
 @dataclass(frozen=True)

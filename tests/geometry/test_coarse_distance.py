@@ -45,7 +45,7 @@ def around(field: SurfaceDistance, count: int = 4 * CELLS) -> torch.Tensor:
 
 
 def coarse(field: SurfaceDistance) -> CoarseDistance:
-    return CoarseDistance.around(field.solid.low, field.solid.high, field._exact)
+    return CoarseDistance.around(field.solid.low, field.solid.high, field._searched.exact)
 
 
 def test_the_distance_is_never_less_than_the_grid_says_and_seldom_much_more(field):
@@ -88,6 +88,17 @@ def test_few_points_get_no_grid_which_would_take_longer_than_they(field):
     fresh.query(around(field), within=WITHIN)
     assert fresh._coarse is not None
     assert fresh._coarse.distance.numel() <= 1.1 * CELLS
+
+
+def test_the_grid_of_a_mesh_is_made_once_and_used_from_the_same_query_on(field):
+    first, second = SurfaceDistance(field.mesh), SurfaceDistance(field.mesh)
+    found = around(field)
+    once, again = (each.query(found, within=WITHIN) for each in (first, second))
+    assert first._coarse is second._coarse
+    assert all(torch.equal(vars(once)[name], value) for name, value in vars(again).items())
+    fresh = SurfaceDistance(field.mesh)
+    fresh.query(found[:100], within=WITHIN)
+    assert fresh._coarse is None
 
 
 def test_points_that_are_not_finite_are_no_trouble(field):
