@@ -5,6 +5,8 @@ from importlib.metadata import entry_points
 import pytest
 from click.testing import CliRunner, Result
 
+from geneoh.viz import camera
+
 
 @pytest.fixture(scope="session")
 def command():
@@ -17,9 +19,10 @@ def command():
 def geneoh(command, tmp_path, monkeypatch):
     """Run `geneoh ARGUMENTS` in an empty folder, with --set for each of the settings.
 
-    It must end with the exit code `code`.
+    It must end with the exit code `code`. The camera of pages and pictures tries few directions.
     """
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(camera, "TURNS", 2)
 
     def run(*arguments: object, settings: tuple[str, ...] = (), code: int = 0) -> Result:
         words = [*arguments, *(word for setting in settings for word in ("--set", setting))]
