@@ -154,7 +154,7 @@ def _fit_frames(
             if isfinite(config.finger_std):
                 found = found + finger_term(keypoints, shaped, 1 / config.finger_std)
             for planes in met:
-                found = found + surface_term(at, shaped, planes)
+                found = found + surface_term(at, shaped, keypoints, planes)
             return found
 
         steps = 2 if around else config.iterations

@@ -105,15 +105,19 @@ MOST_OVERLAPS = 12
 
 @dataclass(frozen=True)
 class MovingKeypoints:
-    """The keypoints of a hand and their derivatives by the unknowns."""
+    """The keypoints of a hand and their derivatives by the unknowns, with its posed joints."""
 
     points: Float[Tensor, "S T 21 3"]
     slope: Float[Tensor, "S T 21 3 51"]
+    turn: Float[Tensor, "S T 16 3 3"]  # global rotations of the joints
+    centers: Float[Tensor, "S T 16 3"]  # their centres, in MANO order
 
 
 def moving_keypoints(state: HandState, shaped: ShapedHand) -> MovingKeypoints:
     """The keypoints of a hand in this state, with their derivatives."""
-    joints, turn, centers = _kinematics(state, shaped)
+    offsets = shaped.offsets.expand(*state.wrist.shape[:-1], 20, 3)
+    joints, turn = forward_kinematics(state.rotations, state.wrist, offsets)
+    centers = joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
     moved, by = MOVES_KEYPOINT.to(joints.device).unbind(1)
     arm = joints[..., moved, :] - centers[..., by, :]
     axes = turn[..., by, :, :].mT  # row c: the world direction of the joint's local axis c
@@ -123,7 +127,7 @@ def moving_keypoints(state: HandState, shaped: ShapedHand) -> MovingKeypoints:
     )
     rotate = columns.permute(0, 1, 2, 5, 3, 4).flatten(-2)  # (S, T, 21, xyz, 16 * 3)
     eye = torch.eye(3).to(arm).expand(*rotate.shape[:-1], 3)
-    return MovingKeypoints(joints, torch.cat([rotate, eye], dim=-1))
+    return MovingKeypoints(joints, torch.cat([rotate, eye], dim=-1), turn, centers)
 
 
 def keypoint_term(
@@ -162,15 +166,6 @@ def _between_fingers() -> Float[Tensor, "C 21"]:
 BETWEEN_FINGERS = _between_fingers()
 
 
-def _kinematics(
-    state: HandState, shaped: ShapedHand
-) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, "S T 16 3 3"], Float[Tensor, "S T 16 3"]]:
-    """Keypoints, global rotations and joint centres (MANO order)."""
-    offsets = shaped.offsets.expand(*state.wrist.shape[:-1], 20, 3)
-    joints, turn = forward_kinematics(state.rotations, state.wrist, offsets)
-    return joints, turn, joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
-
-
 def pose_term(state: HandState, model: HandModel, prior: float, limit: float) -> Equations:
     """Pose prior and joint limits: deviation from the relaxed pose in units of `pose_std`, times
     `prior`, and overshoot of the joint limits in radians, times `limit` (1/rad)."""
@@ -198,11 +193,14 @@ class Planes:
     weight: Float[Tensor, "S T K"]  # 1 / standard deviation, 1/m; 0 ignores a vertex
 
 
-def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
+def surface_term(
+    state: HandState, shaped: ShapedHand, keypoints: MovingKeypoints, planes: Planes
+) -> Equations:
     """Signed height of the vertices over their planes, with target zero. The Jacobian neglects the
-    derivative of the pose correctives, which are about a millimetre."""
+    derivative of the pose correctives, which are about a millimetre. `keypoints` are those of the
+    state."""
     verts, normal = planes.verts, planes.normal
-    _, turn, centers = _kinematics(state, shaped)
+    turn, centers = keypoints.turn, keypoints.centers
     model = shaped.model
     frames = state.wrist.shape[:-1]
     rest = shaped.corrected(state.rotations).expand(*frames, 3, -1)

@@ -18,6 +18,7 @@ from geneoh.fitting.terms import (
     surface_term,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.model import ShapedHand
 from geneoh.hand.spheres import finger_clearance, hand_scale, hand_spheres
 
 
@@ -76,13 +77,17 @@ def test_keypoints_pull_by_the_gradient_of_their_squared_distance(state, plain):
     torch.testing.assert_close(found.gradient, half_slope(energy, state))
 
 
+def at_planes(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
+    return surface_term(state, shaped, moving_keypoints(state, shaped), planes)
+
+
 def test_planes_pull_by_the_gradient_of_the_squared_height(state, plain, planes):
     def energy(at: HandState) -> Tensor:
         verts = plain.verts_from_rotations(at.rotations, at.wrist).verts
         off = verts.gather(-2, planes.verts[..., None].expand(2, 3, 6, 3)) - planes.closest
         return ((off * planes.normal).sum(-1) * planes.weight).square().sum(-1)
 
-    found = surface_term(state, plain, planes)
+    found = at_planes(state, plain, planes)
     torch.testing.assert_close(found.energy, energy(state))
     # skinning weights were written in float32: they sum to one to its last digit
     torch.testing.assert_close(found.gradient, half_slope(energy, state), rtol=1e-5, atol=1e-3)
@@ -93,9 +98,9 @@ def test_planes_see_the_vertices_with_their_pose_correctives(state, plain, plane
     bulged = replace(plain, model=replace(plain.model, pose_dirs=bulges))
     verts = bulged.verts_from_rotations(state.rotations, state.wrist).verts
     at = verts.gather(-2, planes.verts[..., None].expand(2, 3, 6, 3))
-    found = surface_term(state, bulged, replace(planes, closest=at))
+    found = at_planes(state, bulged, replace(planes, closest=at))
     assert float(found.energy.max()) < 1e-12
-    assert float(surface_term(state, plain, replace(planes, closest=at)).energy.min()) > 0.1
+    assert float(at_planes(state, plain, replace(planes, closest=at)).energy.min()) > 0.1
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +138,7 @@ def test_matrices_are_those_of_gauss_and_newton(state, plain, planes):
     weight = 300 * normal(2, 3, 21, seed=3).abs()
     terms = (
         lambda at: keypoint_term(moving_keypoints(at, plain), joints, weight),
-        lambda at: surface_term(at, plain, on),
+        lambda at: at_planes(at, plain, on),
     )
     step = 1e-6 * normal(2, 3, UNKNOWNS, seed=5)
     for term in terms:
