@@ -1,8 +1,8 @@
-"""Jumps of a fitted hand where it changes the side by which it leaves the object.
+"""Jumps of a fitted hand where it changes the side by which it leaves the object or another hand.
 
-The surface terms of the fit choose a way out of the object in each frame. Where that changes from
-one frame to the next, the hand jumps by as much as it is deep, which is seen at once. A hand that
-passes through the surface within some frames looks right.
+The surface terms of the fit choose a way out in each frame. Where that changes from one frame to
+the next, the hand jumps by as much as it is deep, which is seen at once. A hand that passes through
+the surface within some frames looks right.
 """
 
 from dataclasses import replace
@@ -36,16 +36,19 @@ def without_jumps(
     target: Float[Tensor, "1 T 21 3"],
     shaped: ShapedHand,
     config: FitConfig,
+    *,
+    most: float = MOST_JUMPS,
 ) -> HandState:
     """A fitted hand whose keypoints keep smooth distances from their targets.
 
     Around a jump these distances are replaced by a smoothed median over frames, and the hand is
-    fitted to keypoints there, without the object. A hand without a jump stays as it is.
+    fitted to keypoints there, without the object. A hand without a jump stays as it is, and so does
+    one with jumps in a share of the frames that is larger than `most`.
     """
     away = state.joints(shaped) - target
     bend = away.diff(n=2, dim=1).norm(dim=-1).amax(-1)[0]
     jumps = torch.nn.functional.pad(bend > LARGEST_BEND, (1, 1)).cpu().numpy()
-    if not 0 < jumps.mean() <= MOST_JUMPS:
+    if not 0 < jumps.mean() <= most:
         return state
     near = maximum_filter1d(jumps.astype(float), 2 * JUMP_REACH + 1, mode="nearest")
     share = gaussian_filter1d(near, EDGE_FRAMES, mode="nearest")

@@ -12,6 +12,7 @@ from torch import Tensor
 from geneoh.bundle import concatenated
 from geneoh.fitting.fit import fit_hand
 from geneoh.fitting.fit_config import FitConfig
+from geneoh.fitting.jumps import without_jumps
 from geneoh.fitting.own_skeleton import own_skeleton
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
@@ -120,6 +121,13 @@ class FittedHand:
         before, after = self.state[: frames.start + kept.start], self.state[stop:]
         return replace(self, state=concatenated([before, found, after]))
 
+    def calmed_from(self, before: "FittedHand") -> "FittedHand":
+        """The hand without jumps in what changed since `before`."""
+        assert isinstance(self.preset.fit, FitConfig), "hands are fitted by least squares"
+        joints = before.state.joints(self.shaped)
+        calm = without_jumps(self.state, joints, self.shaped, self.preset.fit, most=1.0)
+        return replace(self, state=calm)
+
     def result(self) -> HandResult:
         """The hand's track and its measures."""
         fps, state, shaped, subject = self.hand.fps, self.state, self.shaped, self.subject
@@ -183,8 +191,10 @@ def kept_apart(hands: list[FittedHand]) -> tuple[list[FittedHand], tuple[float, 
     return hands, (float(before.max()), float(depth.max()))
 
 
-def _taken_apart(hands: list[FittedHand], inside: Bool[Tensor, " T"]) -> list[FittedHand]:
-    """Two hands, fitted again around the frames with penetration."""
+def _taken_apart(given: list[FittedHand], inside: Bool[Tensor, " T"]) -> list[FittedHand]:
+    """Two hands, fitted again around the frames with penetration, without jumps where the side by
+    which one leaves the other changes."""
+    hands = given
     near = np.convolve(np.pad(inside.cpu().numpy(), FELT), np.ones(2 * FELT + 1), "valid") > 0
     for run in runs(near):
         wide, kept = widened(run, FELT, len(near))
@@ -192,7 +202,7 @@ def _taken_apart(hands: list[FittedHand], inside: Bool[Tensor, " T"]) -> list[Fi
             skins = [hand.skin(wide) for hand in hands]
             pairs = zip(hands, reversed(skins), strict=True)
             hands = [hand.leaving(other, wide, kept) for hand, other in pairs]
-    return hands
+    return [hand.calmed_from(free) for hand, free in zip(hands, given, strict=True)]
 
 
 def _depth_between(hands: list[FittedHand], *, given: bool = False) -> Float[Tensor, " T"]:

@@ -49,6 +49,25 @@ def test_hands_inside_each_other_are_taken_apart_and_stay_near_their_places(hand
         assert 0.0005 < float(moved.mean()) < 0.01
 
 
+def test_hands_that_go_through_each_other_do_not_jump(clean, monkeypatch):
+    """They were thrown to and fro, as the way out changed from frame to frame."""
+    sequence = facing(clean.hands[0][[60] * 90], -0.03)
+    one, other = sequence.hands
+    way = torch.linspace(-3, 3, 90).square().neg().exp()[:, None] * torch.tensor([0.12, 0.0, 0.0])
+    other = replace(other, wrist=other.wrist + way, joints=other.joints + way[:, None])
+    sequence = replace(sequence, hands=(one, other))
+    free = cleaned(sequence, monkeypatch, apart=False)
+    found = cleaned(sequence, monkeypatch)
+    assert min(found.hands_in_each_other) > 0.015
+    for side, result in found.hands.items():
+        alone, here = (
+            float(each.track.joints.diff(n=2, dim=0).norm(dim=-1).max())
+            for each in (free.hands[side], result)
+        )
+        assert here < alone + 0.006
+        assert not torch.equal(result.track.joints, free.hands[side].track.joints)
+
+
 def test_hands_that_are_beside_each_other_stay_as_they_are(hand, monkeypatch):
     sequence = facing(hand, -0.016)
     one_by_one = cleaned(sequence, monkeypatch, apart=False)
