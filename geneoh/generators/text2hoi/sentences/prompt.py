@@ -55,11 +55,20 @@ _DIRECTION = re.compile(
     r"\b(?:to|towards?) (?:the |my |your )?(?:left|right|front|back)\b(?! (?:\w+ )?hand)"
     r"|\b(?:for|back)wards?\b"
 )
+_FINGERS = re.compile(
+    r"\b(?:left |right )?(?:(?:index|middle|ring|little|pinky) finger(?:tip)?s?"
+    r"|forefingers?|pinky|thumbs?(?! drive))\b"
+)
+"""Fingers that are to act, by name."""
 _ONE_HANDED = (["one", "handed"], ["single", "handed"])  # no form of "hand", to pass something
 _NO_VERB_AFTER = frozenset(
     ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
 )
 """Words that no verb follows: a word after them that looks like a verb is a noun."""
+_NEXT = ("and", "then")
+_OBJECT = ("it", "them", "the", "a", "an", "my", "your")
+"""Words before which an unknown word after "and" is a verb."""
+_GO_WITH_ANY = ("hold", "use")  # other verbs that any action includes
 
 
 @dataclass(frozen=True)
@@ -113,6 +122,10 @@ def read_prompt(text: str, *, frames: int | None = None, jointed: bool = False) 
     way = _DIRECTION.search(" ".join(words))
     if way and not (verb == "pass" and way[0].endswith(SIDES)):  # to the left: to the left hand
         verb_notes += (f"'{way[0]}' is not followed: the networks choose the direction",)
+    verb_notes += tuple(
+        f"'{fingers}' is not followed: the networks choose the fingers"
+        for fingers in dict.fromkeys(_FINGERS.findall(" ".join(words)))
+    )
     hands, hand_notes = asked_hands(made_of, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes, *rate_notes, *amount_notes)
     if stated is not None:
@@ -187,10 +200,10 @@ def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[st
         for word, other in zip(words, meant, strict=True)
         if word != other and other in phrase_words
     )
+    others = [phrase for verb, phrase in named.items() if verb in VERBS and verb != chosen]
     notes += tuple(
         f"one action is made, '{named[chosen]}'; '{phrase}' is left out"
-        for verb, phrase in named.items()
-        if verb in VERBS and verb != chosen
+        for phrase in (*others, *further_actions(words, chosen))
     )
     if chosen in VERBS:
         return chosen, True, notes
@@ -217,6 +230,21 @@ def named_verbs(words: Sequence[str]) -> dict[str, str]:
             if after[: len(rest)] == rest or later:
                 found.setdefault(verb, phrase)
                 break
+    return found
+
+
+def further_actions(words: Sequence[str], chosen: str) -> list[str]:
+    """What hands are to do after "and" or "then" by verbs that no synthetic action has, in words:
+    those of `OTHER_VERBS` but `chosen`, and unknown ones before their object."""
+    found, words = [], [word for word in words if not word.endswith("ly")]
+    for before, *rest in (words[start:] for start in range(len(words) - 1)):
+        if before not in _NEXT or rest[0] in SMALL_WORDS:
+            continue
+        if starts_with_verb(rest):
+            named = named_verbs(rest).items() - named_verbs(rest[1:]).items()
+            found += [p for verb, p in named if verb not in (*VERBS, *_GO_WITH_ANY, chosen)]
+        elif rest[1:2] and rest[1] in _OBJECT:
+            found.append(rest[0])
     return found
 
 

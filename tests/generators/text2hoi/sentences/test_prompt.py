@@ -367,6 +367,39 @@ def test_of_two_actions_the_one_that_is_left_out_is_told():
     assert prompt.notes == ("one action is made, 'put down'; 'lift' is left out",)
 
 
+@pytest.mark.parametrize(
+    ("more", "left_out"),
+    [
+        ("and twirl it", "twirl"),
+        ("then slowly twirls the mug", "twirls"),
+        ("and then put it on the saucer", "put"),
+        ("and throw it", "throw"),
+        ("and hold it", ""),
+        ("and the shiny saucer", ""),
+        ("slowly and carefully", ""),
+        ("and a gizmo", ""),
+    ],
+)
+def test_a_further_action_that_was_never_learned_is_told(more, left_out):
+    prompt = read_prompt(f"grab the mug {more} with the left hand")
+    told = f"one action is made, 'grab'; '{left_out}' is left out"
+    assert (prompt.verb, prompt.notes) == ("lift", (told,) if left_out else ())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("left index finger", ["left index finger"]),
+        ("right thumb and the right ring finger", ["right thumb", "right ring finger"]),
+        ("right hand", []),
+    ],
+)
+def test_fingers_that_are_named_are_not_followed_and_told(words, told):
+    notes = read_prompt(f"press the phone with the {words}").notes
+    end = "is not followed: the networks choose the fingers"
+    assert notes == tuple(f"'{fingers}' {end}" for fingers in told)
+
+
 def test_something_that_is_passed_from_one_hand_comes_to_the_other():
     prompt = read_prompt("pass the cup from the right hand")
     assert (prompt.hands, prompt.giver) == ("both hands", "right")
