@@ -5,9 +5,9 @@ Ours. Several poses of a hold are optimised with the grasp energy of the trainin
 this pose relative to it, so that contact lasts; if it rests, the correction applies to all frames
 of contact. It fades out on the ways to and from the object, on which hands are pushed out of it.
 
-A hand around a handle or the edge of a lid can leave only in some directions. Where its sampled way
-passes through the object, straight ways are tried, and the one is taken in which the hand
-penetrates the object, the table and the other hand least.
+A hand around a handle or the edge of a lid can leave only in some directions, and one around a pole
+only with open fingers. Where its sampled way passes through the object, straight ways are tried,
+and the one is taken in which the hand penetrates the object, the table and the other hand least.
 """
 
 from dataclasses import replace
@@ -63,6 +63,9 @@ SETTLING = GraspConfig(
 )
 BACK, OUT = (0.06, 0.12), 12.0
 """Distances that a hand may retreat from its hold, metres, and the frames that this takes."""
+STRAIGHTENED, OPENING = 0.6, 6.0
+"""Share of the fingers' bend that is taken back where they open first, within `OUT` frames, and the
+frames after which the hand then begins to retreat."""
 JOINED = (20.0, 40.0)  # frames from the hold until the hand is on its sampled way again
 DEEP_ON_WAY = 0.006
 """Penetration depth on the way to or from a hold above which other ways are tried, metres."""
@@ -277,7 +280,8 @@ def depths(
 
 
 def _ways(drawn: HeldHands, held: HeldHands, apart: Float[Tensor, " N"]) -> list[HeldHands]:
-    """Hands that retreat from a hold in several directions and then join the sampled way."""
+    """Hands that retreat from a hold in several directions and then join the sampled way: with
+    fingers that follow the hand, or that open before it retreats."""
     found = []
     steps = torch.tensor([-1.0, 0.0, 1.0])
     sides = torch.cartesian_prod(steps, steps, steps)
@@ -285,8 +289,15 @@ def _ways(drawn: HeldHands, held: HeldHands, apart: Float[Tensor, " N"]) -> list
     turns = axis_angle_to_matrix(held.pose), axis_angle_to_matrix(drawn.pose)
     for back, joined in product(BACK, JOINED):
         share = minimum_jerk(apart / joined)
-        pose = matrix_to_axis_angle(interpolate_rotations(*turns, share[:, None]))
-        for side in sides:
-            place = held.wrist + back * minimum_jerk(apart / OUT)[:, None] * side
-            found.append(HeldHands(pose, torch.lerp(place, drawn.wrist, share[:, None])))
+        whole = interpolate_rotations(*turns, share[:, None])
+        bend = 1 - STRAIGHTENED * (1 - share)[:, None, None]
+        straight = axis_angle_to_matrix(bend * drawn.pose[:, 1:])
+        opened = minimum_jerk(apart / OUT)[:, None]
+        fingers = interpolate_rotations(turns[0][:, 1:], straight, opened)
+        for turned, late in ((whole, 0.0), (torch.cat([whole[:, :1], fingers], 1), OPENING)):
+            pose = matrix_to_axis_angle(turned)
+            away = back * minimum_jerk((apart - late) / OUT)[:, None]
+            for side in sides:
+                place = torch.lerp(held.wrist + away * side, drawn.wrist, share[:, None])
+                found.append(HeldHands(pose, place))
     return found

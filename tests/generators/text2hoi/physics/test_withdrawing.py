@@ -5,7 +5,7 @@ import torch
 import trimesh
 from draws import seeded
 
-from geneoh.generators.text2hoi.physics.held_hands import HeldHands
+from geneoh.generators.text2hoi.physics.held_hands import HeldHands, new_grasps
 from geneoh.generators.text2hoi.physics.settling import DEEP_ON_WAY, depths, solid_of, withdrawn
 from geneoh.generators.text2hoi.physics.standing import stand_on_table
 from geneoh.geometry.mesh_files import from_trimesh
@@ -73,3 +73,28 @@ def test_a_hand_goes_around_another_one(plate):
     found = withdrawn(drawn, HOLD, plate, Obstacles(TABLE, other))
     assert deepest(drawn, plate, other) > 2 * DEEP_ON_WAY
     assert deepest(found, plate, other) < DEEP_ON_WAY
+
+
+@pytest.fixture(scope="module")
+def pole():
+    """An upright pole of 24 mm as a grid, and twelve hands that hold it or try to."""
+    made = trimesh.creation.cylinder(0.012, 0.6, sections=32)
+    solids = solid_of(stand_on_table(from_trimesh(made), generator=seeded()))[0]
+    toward, beside = torch.tensor([[0.0, 1, 0]]).expand(12, 3), Obstacles(TABLE.take([0] * 12, "B"))
+    return solids, new_grasps(solids, toward, beside, seeded())[0]
+
+
+@pytest.mark.parametrize("number", [1, 2, 10])
+def test_fingers_around_a_pole_open_before_the_hand_leaves(pole, number):
+    solids, grasps = pole
+    held = grasps.take([number], "N")
+    far = torch.maximum(HOLD[0] - torch.arange(FRAMES), torch.arange(FRAMES) - HOLD[-1])
+    side = torch.nn.functional.normalize(held.wrist * torch.tensor([1.0, 1, 0]), dim=-1)
+    wrist = held.wrist + 0.01 * far.clamp(0, 20)[:, None] * side
+    drawn = HeldHands(held.pose.expand(FRAMES, -1, -1), wrist)
+    found = withdrawn(drawn, HOLD, solids, Obstacles(TABLE))
+    assert deepest(drawn, solids) > 0.01
+    assert deepest(found, solids) < DEEP_ON_WAY
+    torch.testing.assert_close(found.take(HOLD, "N").pose, drawn.take(HOLD, "N").pose)
+    steps = found.spheres[0].diff(dim=0).norm(dim=-1)
+    assert float(steps.amax()) < 0.04
