@@ -184,6 +184,15 @@ class Denoised(ByValue, Bundle):
                 yield f"  note: {note}"
         yield from self._of_clip()
 
+    def notes_on_made_hands(self) -> tuple[str, ...]:
+        """The notes of `measures`: on each hand, and on the clip."""
+        through = (
+            f"{side} hand: {note}"
+            for side, hand in self.hands.items()
+            for note in through_walls(hand.before, hand.after)
+        )
+        return (*through, *self.notes)
+
     def _of_clip(self) -> Iterator[str]:
         """Penetration depth of two hands in each other, and notes on the sequence."""
         yield from self.between_hands()

@@ -55,6 +55,16 @@ def test_a_file_holds_how_deep_two_hands_were_in_each_other(result):
     assert len(apart.sentences()) == len(replace(result, hands_in_each_other=None).sentences()) == 3
 
 
+def test_of_made_hands_a_file_holds_that_they_go_through_a_wall(result):
+    hand = result.hands["right"]
+    hand = replace(hand, after=replace(hand.after, through_fraction=0.5))
+    made = replace(result, hands={"right": hand})
+    (note,) = (line for line in made.measures() if "a thin wall of the object in 50.0%" in line)
+    side, words = made.notes_on_made_hands()[0].split(": ", 1)
+    assert (side, f"  note: {words}") == ("right hand", note)
+    assert made.notes_on_made_hands()[1:] == result.notes_on_made_hands() == ("so",)
+
+
 def test_a_notebook_shows_the_text_of_a_result_and_not_all_of_its_fields(result):
     written = []
     result._repr_pretty_(SimpleNamespace(text=written.append), False)

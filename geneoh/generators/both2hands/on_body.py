@@ -101,8 +101,9 @@ class BodyWithHands(ByValue):
     def extra_arrays(self) -> Arrays:
         """The body by smplx names (`geneoh.readers.bodies.smpl.body_fields`), `prompt` and `notes`
         (N,), for `geneoh.save`."""
-        notes = np.array((*self.body.notes, *(self.refined.notes if self.refined else ())), str)
-        return body_fields(self.body) | {"prompt": np.array(self.sentence), "notes": notes}
+        notes = (*self.body.notes, *(self.refined.notes_on_made_hands() if self.refined else ()))
+        said = {"prompt": np.array(self.sentence), "notes": np.array(notes, str)}
+        return body_fields(self.body) | said
 
 
 @checked_call

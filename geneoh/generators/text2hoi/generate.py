@@ -102,7 +102,7 @@ class Generated(ByValue):
 
     def extra_arrays(self) -> Arrays:
         """`contact` (V,), `prompt`, `verb` and `notes` (N,), for `geneoh.save`."""
-        notes = (*self.prompt.notes, *(self.refined.notes if self.refined else ()))
+        notes = (*self.prompt.notes, *(self.refined.notes_on_made_hands() if self.refined else ()))
         return {
             "contact": self.contact.numpy(),
             "prompt": np.array(self.prompt.sentence),

@@ -117,6 +117,13 @@ def test_what_the_cleaner_notes_on_the_clip_is_told_and_kept(mug):
     assert made.extra_arrays()["notes"].tolist() == [*made.prompt.notes, "the mesh is open"]
 
 
+def test_a_hand_that_goes_through_a_wall_is_told_in_the_file(mug, monkeypatch):
+    made = generate("Lift the mug with the left hand.", mug, PLAIN)
+    monkeypatch.setattr(Denoised, "notes_on_made_hands", lambda _: ("left hand: through a wall",))
+    made = replace(made, refined=Denoised(made.sequence, {}, ()))
+    assert made.extra_arrays()["notes"].tolist()[-1] == "left hand: through a wall"
+
+
 def test_the_object_stands_on_the_table_as_it_was_asked_to(mug, monkeypatch):
     monkeypatch.setattr(module, "finished", lambda actions, settle: still_actions(actions))
     made = generate("Lift the mug.", mug, replace(PLAIN, up="y"))
