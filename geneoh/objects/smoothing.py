@@ -33,8 +33,8 @@ FREE_RATIO = 1e4
 """Variance of accelerations in longer gaps, in units of the largest one elsewhere."""
 MOTION = 0.7  # use eighth differences if they show less than this share of the fourth ones' noise
 DAMPING = 0.8
-"""Share of the velocity left after each frame before the first and after the last known pose: even
-motion and rest were up to 1.8 and 1.3 times as far off."""
+"""Share of the velocity left after each frame before the first and after the last known pose: where
+it is not known, motion neither goes on evenly nor stops at once."""
 LEAST_FRAMES = 16  # frames below which eighth differences are too few
 Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]  # reduces many lengths to one
 

@@ -12,7 +12,7 @@ from itertools import accumulate
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Float, Float64
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 from torch import Tensor
@@ -28,6 +28,9 @@ NEAR, AWAY = 0.05, 0.10
 it, from the second on it does not. Keypoints lie 10 mm inside the hand."""
 WITH, OVER = 0.03, 0.10
 """The same for the speed of the palm over the part, metres per second."""
+ALONG_RAY = 0.3
+"""Share of that speed that counts along the hand's camera ray, where it is known: errors of an
+estimator along it drift by centimetres while the hand holds the object."""
 SLOW = 0.5
 """Speed of a part up to which those bounds tell whether the camera moves, metres per second. They
 grow with that of faster ones: what noise moves a hand over the object that it walks with is not the
@@ -65,12 +68,12 @@ def still_frame(
     rests = (speeds < RESTING).any(1).mean() > SELDOM
     if rests or bool((relied.mean(0) < RELIED).any()):
         return None
-    tracks, observed = [filled_keypoints(hand) for hand in hands], [h.observed for h in hands]
+    tracks = [filled_keypoints(hand) for hand in hands]
     fast = np.maximum(speeds / SLOW, 1.0)
-    held = held_shares(tracks, observed, motion, fps, fast)
+    held = held_shares(hands, tracks, motion, fps, fast)
     if not camera_moves(tracks, motion, held, speeds, fps):
         return None
-    return stilled(motion, held_shares(tracks, observed, motion, fps))
+    return stilled(motion, held_shares(hands, tracks, motion, fps))
 
 
 def camera_moves(
@@ -99,23 +102,24 @@ def camera_moves(
 
 
 def held_shares(
+    hands: tuple[HandTrack, ...],
     tracks: list[Float[Tensor, "T 21 3"]],
-    observed: list[Bool[Tensor, " T"]],
     motion: ObjectTrack,
     fps: float,
     fast: Float64[np.ndarray, "T Q"] | float = 1.0,
 ) -> Float64[np.ndarray, "T Q"]:
-    """Degree, 0 to 1, to which some hand is at each part and moves with it, by the keypoints of the
-    hands; while a hand is not observed, as before and after. `fast` scales the bounds of speeds."""
+    """Degree, 0 to 1, to which some hand is at each part and moves with it, by its keypoints in
+    `tracks`; while a hand is not observed, as before and after. `fast` scales the bounds of speeds.
+    """
     surface, found = motion.surface(), np.zeros(motion.rotation.shape[:2])
     smooth = partial(gaussian_filter1d, sigma=RATE_FRAMES * fps / 30, axis=0, mode="nearest")
     times = np.arange(len(found))
-    for joints, seen in zip(tracks, observed, strict=True):
+    for hand, joints in zip(hands, tracks, strict=True):
         points = torch.from_numpy(smooth(joints.cpu().numpy())).to(joints)
         near = share_between(distance_of_parts(points, surface), NEAR, AWAY).cpu().numpy()
-        over = torch.from_numpy(palm_speeds(joints, motion, fps) / fast)
+        over = torch.from_numpy(palm_speeds(joints, motion, fps, hand.camera_ray) / fast)
         share = near * share_between(over, WITH, OVER).numpy()
-        weight = smooth(seen.cpu().double().numpy())
+        weight = smooth(hand.observed.cpu().double().numpy())
         known = weight >= min(KNOWN, weight.max())
         each = [np.interp(times, times[known], part[known]) for part in share.T]
         found = np.maximum(found, np.stack(each, 1))
@@ -123,18 +127,31 @@ def held_shares(
 
 
 def palm_speeds(
-    joints: Float[Tensor, "T 21 3"], motion: ObjectTrack, fps: float
+    joints: Float[Tensor, "T 21 3"],
+    motion: ObjectTrack,
+    fps: float,
+    ray: Float[Tensor, "T 3"] | None = None,
 ) -> Float64[np.ndarray, "T Q"]:
-    """Speed of the palm over each part, metres per second."""
+    """Speed of the palm over each part, metres per second, less of it along a `ray`."""
     poses = map(Rigid, motion.rotation.unbind(1), motion.translation.unbind(1))
-    palm = joints[:, list(PALM)]
-    return np.stack([speed_of(pose.inverse().apply(palm), fps) for pose in poses], 1)
+    palm, speeds = joints[:, list(PALM)], []
+    for pose in poses:
+        there = pose.inverse()
+        along = None if ray is None else (there.rotation @ ray[..., None])[..., 0]
+        speeds.append(speed_of(there.apply(palm), fps, along))
+    return np.stack(speeds, 1)
 
 
-def speed_of(points: Float[Tensor, "T P 3"], fps: float) -> Float64[np.ndarray, " T"]:
-    """Mean speed of some points, metres per second, of their smoothed tracks."""
+def speed_of(
+    points: Float[Tensor, "T P 3"], fps: float, along: Float[Tensor, "T 3"] | None = None
+) -> Float64[np.ndarray, " T"]:
+    """Mean speed of some points, metres per second, of their smoothed tracks. In the direction
+    `along` the share `ALONG_RAY` of it counts."""
     tracks, sigma = points.cpu().double().numpy(), RATE_FRAMES * fps / 30
     rates = gaussian_filter1d(tracks, sigma, axis=0, order=1, mode="nearest")
+    if along is not None:
+        ray = along.cpu().double().numpy()[:, None]
+        rates -= (1 - ALONG_RAY) * (rates * ray).sum(-1, keepdims=True) * ray
     return np.linalg.norm(rates, axis=-1).mean(-1) * fps
 
 

@@ -54,7 +54,7 @@ def found(sequence: Sequence, relied: float = 1.0) -> Rigid | None:
 
 def shares(hands: tuple[HandTrack, ...], clip: Sequence) -> np.ndarray:
     tracks = [filled_keypoints(hand) for hand in hands]
-    return held_shares(tracks, [hand.observed for hand in hands], clip.object, clip.fps)
+    return held_shares(hands, tracks, clip.object, clip.fps)
 
 
 def speed(sequence: Sequence) -> torch.Tensor:
@@ -145,6 +145,28 @@ def test_a_hand_that_is_lost_while_it_holds_shows_no_camera(start):
     lost = replace(clip, hands=(replace(clip.hands[0], valid=observed),))
     assert found(lost) is None
     assert shares(lost.hands, clip).min() > 0.5
+
+
+def test_errors_along_the_camera_ray_of_a_hand_that_carries_show_no_camera():
+    clip = draw_clip("kettle", 0, 150)[47:99]  # carried all the time
+    (hand,) = clip.hands
+    ray = torch.nn.functional.normalize(torch.tensor([0.3, 0.2, 1.0]), dim=0)
+    wave = 0.04 * torch.sin(6.0 * torch.arange(clip.frames) / clip.fps)
+    errs = replace(hand, joints=hand.joints + wave[:, None, None] * ray)
+    told = replace(errs, camera_ray=ray.expand(clip.frames, 3))
+    assert found(replace(clip, hands=(errs,))) is not None
+    assert found(replace(clip, hands=(told,))) is None
+
+
+def test_a_camera_that_moves_is_found_with_its_ray_too():
+    clip = seen_by_head(kettle())
+    (hand,) = clip.hands
+    ray = torch.nn.functional.normalize(hand.joints[:, 0], dim=-1)
+    told = replace(clip, hands=(replace(hand, camera_ray=ray),))
+    moves = speed(placed(told, found(told))) * clip.fps
+    assert float(moves[:7].max()) < 0.02
+    assert float(moves[-7:].max()) < 0.02
+    assert float(moves.max()) > 0.5  # the hand lifts it
 
 
 def test_an_object_whose_poses_are_unreliable_shows_no_motion_of_the_camera():
