@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.objects.carrying import COMPARED_FRAMES, REST_DEVIATION, carried, scatters
 from geneoh.objects.palms import RigidMotion
 
@@ -61,6 +62,13 @@ def beside(gap: slice, known: Bool[Tensor, " T"]) -> list[Bool[Tensor, " T"]]:
     numbers = torch.arange(len(known), device=known.device)
     ends = [end for end in (gap.start - 1, gap.stop) if 0 <= end < len(known)]
     return [known & ((numbers - end).abs() <= COMPARED_FRAMES) for end in ends]
+
+
+def pose_distance(one: Rigid, other: Rigid, size: float) -> Float[Tensor, "*B"]:
+    """Distance between poses of an object at its surface, metres. Their origin is its centre, and
+    `size` its radius, metres."""
+    turned = matrix_to_axis_angle(one.rotation.mT @ other.rotation).norm(dim=-1)
+    return (one.translation - other.translation).norm(dim=-1) + size * turned
 
 
 def better(off: Float[Tensor, "N 3"], error: float) -> Float[Tensor, ""]:

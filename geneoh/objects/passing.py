@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.geometry.rigid import Rigid
-from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
+from geneoh.geometry.rotations import interpolate_rotations
 from geneoh.objects.evidence import share_between
-from geneoh.objects.movers import Mover, Resting, beside, better
+from geneoh.objects.movers import Mover, Resting, beside, better, pose_distance
 
 MEETING, MISSING = 0.035, 0.07
 """Least distance of an object that moves as before a gap from one that moves as after it, metres:
@@ -68,7 +68,7 @@ class Gap:
         """The way of an object that goes from one mover to the other, and how sure that is, 0 to
         1."""
         before, after = self._with(one, self.first, 0), self._with(other, self.last, -1)
-        apart = self.distance(before, after)
+        apart = pose_distance(before, after, self.size)
         nearest = int(apart.argmin())
         way = changed(before, after, nearest)
         sure = share_between(apart[nearest], MEETING, MISSING)
@@ -78,7 +78,7 @@ class Gap:
     def taken_and_put_down(self, palm: Mover) -> tuple[Rigid, Float[Tensor, ""]]:
         """The way of an object that rests until the palm takes it, and where the palm puts it down;
         and how sure that is, 0 to 1."""
-        travel = float(self.distance(self.first, self.last))
+        travel = float(pose_distance(self.first, self.last, self.size))
         rests = self.moves(Resting.like(self.path))
         count = self.frames.stop - self.frames.start
         if travel < LEAST_MOTION or min(map(float, rests)) == 0 or count > LONGEST:
@@ -87,7 +87,9 @@ class Gap:
         own = carrying.inverse().compose(self.first)  # the resting object in the palm of each frame
         frames = torch.arange(count, device=own.translation.device)
         rows = Rigid(carrying.rotation[:, None], carrying.translation[:, None])
-        apart = self.distance(rows.compose(own), self.last)  # [put down in a frame, taken in one]
+        apart = pose_distance(
+            rows.compose(own), self.last, self.size
+        )  # [put down in a frame, taken in one]
         apart = apart.masked_fill(frames[:, None] <= frames, torch.inf)
         far = own.translation.norm(dim=-1) > REACH + 2 * self.size
         apart = apart.masked_fill(far, torch.inf)
@@ -111,11 +113,6 @@ class Gap:
         share = steps[:, None] / (len(way.translation) + 1)
         line = self.first.translation.lerp(self.last.translation, share)
         return better(way.translation - line, error)
-
-    def distance(self, one: Rigid, other: Rigid) -> Float[Tensor, "*B"]:
-        """Distance between poses of the object at its surface, metres."""
-        turned = matrix_to_axis_angle(one.rotation.mT @ other.rotation).norm(dim=-1)
-        return (one.translation - other.translation).norm(dim=-1) + self.size * turned
 
 
 def changed(before: Rigid, after: Rigid, frame: int) -> Rigid:

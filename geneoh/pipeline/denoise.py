@@ -21,6 +21,7 @@ from geneoh.objects.camera_motion import steady_camera
 from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_of
 from geneoh.objects.refine import refine_object
+from geneoh.pipeline.examination.examined import with_missing_poses
 from geneoh.pipeline.examination.exchange import without_exchange
 from geneoh.pipeline.examination.faults import without_faults
 from geneoh.pipeline.examination.following import without_following
@@ -123,7 +124,7 @@ def cleaned(
         shots = common_shots(sequence)
     notes = (*left_out(taken), *exchange, *followed, *lost)
     notes = (*notes, *told_of(sequence, shots))
-    doubtful = (*notes, *doubts(sequence, name))
+    doubtful = (*notes, *doubts(_as_observed(sequence, options), name))
     for words in doubtful:
         tell("%s: %s", name, words)
     if len(shots) < 2:
@@ -140,6 +141,16 @@ def cleaned(
         notes = told_of_camera((*repeated, *result.notes), camera, sequence.fps)
         result = replace(result, notes=notes)
     return replace(result, doubts=doubtful)
+
+
+def _as_observed(sequence: Sequence, options: Options) -> Sequence:
+    """The sequence as doubts look at it: without poses of the object that the cleaning leaves out,
+    as behind those of a tracker that lost it the hand seems late."""
+    motion = sequence.object
+    if not motion.meshes or not motion.is_seen or not options.resolved().clean_object:
+        return sequence
+    found, _ = with_missing_poses(sequence.hands, motion, sequence.fps)
+    return replace(sequence, object=found)
 
 
 def with_one_shape(sequence: Sequence, options: Options) -> Sequence:

@@ -7,13 +7,14 @@ that move 6 or 1.5 cm beside an object and hold nothing), `filmed` (a still and 
 `tracked` (the moving one with noisy poses of it), `filmed_trusted` (without removal of its motion),
 `large` (objects that are joined to furniture), `enclosed` (meshes that are convex hulls or boxes),
 `enclosed_trusted` (the same, relied on), `covered` (objects whose poses are noisy while they move),
-`gaps` (objects that are lost for 10 or 30 frames while they move), `tray` (hands that carry a tray
-on their backs), `walked` (hands alone of someone who stands or walks), `round` (objects with
-symmetry), `refined` (the object itself), `white` (the same with noise that does not drift),
-`filtered` (hands or objects that went through a filter, or come late, and the other did not),
-`alone` (hands without their object) or `limits` (what may be reached at best). SEEDS is 5 unless it
-is given. Rows are kept in the file ROWS, runs/noisy_objects.jsonl unless it is given, as soon as
-they are measured, so a run that was stopped goes on; after a change of the code name another file.
+`gaps` (objects that are lost for 10 or 30 frames while they move), `stuck` (objects whose poses
+stay behind for as long), `tray` (hands that carry a tray on their backs), `walked` (hands alone of
+someone who stands or walks), `round` (objects with symmetry), `refined` (the object itself),
+`white` (the same with noise that does not drift), `filtered` (hands or objects that went through a
+filter, or come late, and the other did not), `alone` (hands without their object) or `limits` (what
+may be reached at best). SEEDS is 5 unless it is given. Rows are kept in the file ROWS,
+runs/noisy_objects.jsonl unless it is given, as soon as they are measured, so a run that was stopped
+goes on; after a change of the code name another file.
 """
 
 import sys

@@ -90,7 +90,13 @@ around one in which it moves that count as moving, too."""
 Gap = Literal["lost 10", "lost 30", "on a line 10", "on a line 30"]
 """Number of frames without a pose, in one gap where they are farthest from a straight line; or with
 poses on this line, without a mark."""
-ObjectKind = Literal[ObjectNoise, WhiteNoise, CoveredNoise, ObjectFilter, Gap, "exact", "spins"]
+Stuck = Literal["stuck 10", "stuck 30"]
+"""Number of frames in which a track keeps the pose before them, where the object moves farthest
+from it, with white noise of `STUCK_NOISE` in all frames."""
+STUCK_NOISE = "both 1"
+ObjectKind = Literal[
+    Stuck, ObjectNoise, WhiteNoise, CoveredNoise, ObjectFilter, Gap, "exact", "spins"
+]
 
 
 @cache
@@ -298,6 +304,8 @@ def with_noisy_object(
         return filtered_as(sequence, cast(ObjectFilter, kind))
     if kind in get_args(Gap):
         return with_gap(sequence, kind)
+    if kind in get_args(Stuck):
+        return with_white_noise(with_stuck_poses(sequence, kind), STUCK_NOISE, generator)
     if kind in get_args(WhiteNoise):
         return with_white_noise(sequence, kind, generator)
     if kind in get_args(CoveredNoise):
@@ -319,6 +327,16 @@ def with_gap(sequence: Sequence, kind: str) -> Sequence:
         tries.append((float((places - middles).norm(dim=-1).mean()), start, filled))
     _, _, filled = max(tries)
     return replace(sequence, object=filled if name == "lost" else replace(filled, valid=None))
+
+
+def with_stuck_poses(sequence: Sequence, kind: str) -> Sequence:
+    """The clip with poses of its object that are `Stuck`."""
+    motion, length = sequence.object, int(kind.split()[1])
+    middles = motion.translation[:, 0] + motion.rotation[:, 0] @ motion.meshes[0].center()
+    steps = (middles[length:] - middles[:-length]).norm(dim=-1)
+    before, frames = int(steps[:-1].argmax()), torch.arange(sequence.frames)
+    frames[before : before + length + 1] = before
+    return replace(sequence, object=motion[frames])
 
 
 def covered(sequence: Sequence) -> Float[Tensor, "T 1 1"]:

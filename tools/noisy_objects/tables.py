@@ -28,6 +28,7 @@ from tools.noisy_objects.clips import (
     WALKED,
     CoveredNoise,
     Gap,
+    Stuck,
     WhiteNoise,
 )
 from tools.noisy_objects.filters import ObjectFilter
@@ -73,6 +74,7 @@ GRIDS: dict[str, Grid] = {
     "enclosed_trusted": (ENCLOSED_CLIPS, LASTING_NOISES, ("exact",), {"trusted": True}),
     "covered": (CLIPS, LASTING_NOISES, ("exact", *get_args(CoveredNoise)), {}),
     "gaps": (CLIPS, LASTING_NOISES, ("exact", *get_args(Gap)), {}),
+    "stuck": (CLIPS, ("clean", "gauss", "camera"), ("exact", *get_args(Stuck)), {}),
     "tray": (tuple(TRAY + name for name in CLIPS), LASTING_NOISES, ("exact",), {}),
     "walked": (WALKED_CLIPS, LASTING_NOISES, ("exact",), {"alone": True}),
     "round": ((*ROUND, *ROUND_SCANS), ("gauss",), ("exact", "flips", SPINS), {}),
@@ -102,6 +104,9 @@ def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
     if table in ("refined", "white"):
         yield from lines_of_objects(found)
         return
+    if table == "stuck":
+        yield from lines_of_stuck(found)
+        return
     if table == "filtered":
         yield from lines_of_filters(found)
         return
@@ -121,6 +126,18 @@ def lines_of_filters(found: dict[tuple[str, str, str], list[Scores]]) -> Iterato
     yield "|---" * 6 + "|"
     for (clip, noise, kind), scores in found.items():
         cells = [cell(scores, n, f"{n} acceleration") for n in ("input", "filter", "result")]
+        yield f"| {clip} | {noise} | {kind} | {' | '.join(cells)} |"
+
+
+def lines_of_stuck(found: dict[tuple[str, str, str], list[Scores]]) -> Iterator[str]:
+    """Errors of hands as input, filtered and cleaned, and of objects as input and refined."""
+    yield "| clip | noise | poses | input | filter | result | object input | refined |"
+    yield "|---" * 8 + "|"
+    for (clip, noise, kind), scores in found.items():
+        names = ["input", "filter", "result"]
+        names += ["object input", "object refined"] if kind != "exact" else []
+        cells = [cell(scores, name) for name in names]
+        cells += [""] * (5 - len(cells))
         yield f"| {clip} | {noise} | {kind} | {' | '.join(cells)} |"
 
 

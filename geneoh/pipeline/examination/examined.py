@@ -13,6 +13,7 @@ from geneoh.objects.held_in_gaps import held_in_gaps
 from geneoh.objects.palms import palm_of
 from geneoh.objects.seeming_turns import without_seeming_turns
 from geneoh.objects.sharpening import sharpened
+from geneoh.objects.stuck import without_stuck_poses
 from geneoh.readers.checks.delay import hand_delay
 from geneoh.sequence.lines import without_lines
 from geneoh.sequence.repeats import without_repeats
@@ -42,6 +43,17 @@ class Examined:
         return self.object.of_parts(self.object.seen_parts) if self.object.meshes else self.object
 
 
+def with_missing_poses(
+    hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float
+) -> tuple[ObjectTrack, tuple[str, ...]]:
+    """The object with those poses missing, and filled, that its tracker did not observe though they
+    are not marked, and notes: interpolated or repeated ones, and such that stay behind a palm."""
+    motion, lines = without_lines(motion)
+    motion, repeated = without_repeats(motion)
+    motion, stuck = without_stuck_poses(motion, map(palm_of, hands), fps)
+    return motion, (*lines, *repeated, *stuck)
+
+
 def examined(
     hands: tuple[HandTrack, ...], motion: ObjectTrack, fps: float, refined: bool = False
 ) -> Examined:
@@ -49,8 +61,7 @@ def examined(
 
     `refined` is whether the result has poses of the object that agree with the clean hands."""
     palms = tuple(map(palm_of, hands))
-    motion, lines = without_lines(motion)
-    motion, repeated = without_repeats(motion)
+    motion, missing = with_missing_poses(hands, motion, fps)
     motion, turned = without_seeming_turns(motion, palms, fps)
     # before cleaning, lest the ends of a line count as a jump, and after it in what it has cleaned
     cleaned, examination = clean_object(held_in_gaps(motion, palms), fps, palms)
@@ -68,5 +79,5 @@ def examined(
         relied_by_ray=by_ray[:, sharp.object.seen_parts],
         undone=tuple(h for h, new in zip(hands, sharp.hands, strict=True) if new is not h),
         examination=examination,
-        notes=(*lines, *repeated, *turned, *examination.sentences(refined), *sharp.notes),
+        notes=(*missing, *turned, *examination.sentences(refined), *sharp.notes),
     )

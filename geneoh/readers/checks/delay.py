@@ -64,10 +64,11 @@ def hand_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> int:
     delays = np.round(np.linspace(-most, most, tried)).astype(int)  # 0 is one of them
     palm = keypoints_of(fill_gaps(hand))[:, PALM].double().cpu().numpy()
     seen = binary_erosion(hand.valid.cpu().numpy(), iterations=GAP_FRAMES, border_value=1)
-    ways = [
-        wandering(palm, seen, delays, motion.rotation[:, part], motion.translation[:, part], fps)
-        for part in motion.seen_parts
-    ]
+    ways = []
+    for part in motion.seen_parts:
+        both = seen & motion.observed[:, part].cpu().numpy()
+        turn, shift = motion.rotation[:, part], motion.translation[:, part]
+        ways.append(wandering(palm, both, delays, turn, shift, fps))
     ways = [way for way in ways if len(way)]
     if not ways:
         return 0
