@@ -1,9 +1,10 @@
-"""Poses of an object that stay behind the palm that moves it, until they leap after it.
+"""Poses of an object that stay behind the palm that moves it, until they leap after it; and poses
+of a hand that stay behind what it holds.
 
-A tracker that loses an object which a hand moves may keep its last pose, with some jitter, or
-follow too slowly, and find the object again later. In the frame of the object the hand then seems
-to leave it, and the object's poses are centimetres off. That shows once the object is found again:
-it leaps to where the palm would have carried it.
+A tracker that loses an object under a hand may keep its last pose, with some jitter, or follow too
+slowly, and find the object again later. In the frame of the object the hand then seems to leave it,
+and the object's poses are centimetres off. That shows once the object is found again: it leaps to
+where the palm would have carried it. So do hands, whose trackers lose them behind objects.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from geneoh.errors import numbered
@@ -32,6 +34,8 @@ with the palm."""
 SLOW_FRAMES, NEAREST = 10, (0.002, 0.01)
 """Excess of this distance over its least, metres, up to which the object has not stayed behind:
 twice its median step, within these bounds."""
+NOISE_RATIO = 2.5
+"""What is added to `MEETING` for a noisy hand, in standard deviations of the noise per axis."""
 BEHIND = 0.6
 """Largest ratio of the motion of an object that stays behind to that of one that is carried."""
 LONGEST_SECONDS = 5.0
@@ -72,39 +76,77 @@ def stuck_runs(
 
     `path` has the poses of the object with its centre as origin, and `size` is its radius, metres.
     """
+    for span in before_leaps(path, seen, size, fps):
+        left = left_behind(path, palm, span, size)
+        if left is not None:
+            yield slice(left + 1, span.stop)
+
+
+def behind_object(
+    hand: RigidMotion, size: float, motion: ObjectTrack, fps: float
+) -> Bool[Tensor, " T"]:
+    """Frames in which a palm stays behind an object that it holds, before it leaps after it, as of
+    a tracker that lost the hand. `size` is the radius of the hand, metres."""
+    seen = torch.from_numpy(hand.seen)
+    found = torch.zeros_like(seen)
+    turns = torch.from_numpy(hand.turns.as_matrix())
+    path = Rigid(turns, torch.from_numpy(hand.places))
+    meeting = MEETING + NOISE_RATIO * hand.place_noise()
+    for part in motion.seen_parts if motion.meshes else ():
+        middles = motion.rotation[:, part] @ motion.meshes[part].center().to(motion.rotation)
+        places = (middles + motion.translation[:, part]).double().cpu().numpy()
+        turns = Rotation.from_matrix(motion.rotation[:, part].double().cpu().numpy())
+        carrier = RigidMotion(turns, places, motion.observed[:, part].cpu().numpy())
+        if carrier.is_long:
+            mover = Mover.of(carrier, path.rotation)
+            for span in before_leaps(path, seen, size, fps):
+                left = left_behind(path, mover, span, size, meeting, found_there=True)
+                if left is not None:
+                    found[left + 1 : span.stop] = True
+    return found
+
+
+def before_leaps(path: Rigid, seen: Bool[Tensor, " T"], size: float, fps: float) -> Iterator[slice]:
+    """The frames before each leap of a track, up to the leap before it."""
     steps = pose_distance(path.at(slice(0, -1)), path.at(slice(1, None)), size).cpu().numpy()
     longest = round(LONGEST_SECONDS * fps)
     for before, last in pairwise([-1, *leaps_among(steps, seen, fps)]):
-        span = slice(max(before + 1, last - longest), last + 1)
-        left = left_behind(path, palm, span, size)
-        if left is not None:
-            yield slice(left + 1, last + 1)
+        yield slice(max(before + 1, last - longest), last + 1)
 
 
-def left_behind(path: Rigid, palm: Mover, span: slice, size: float) -> int | None:
-    """The frame in which a palm leaves an object behind that leaps after the frames of `span`; None
-    if it does not. Where the object rests after the leap, it may have been put down before."""
+def left_behind(
+    path: Rigid,
+    mover: Mover,
+    span: slice,
+    size: float,
+    meeting: float = MEETING,
+    *,
+    found_there: bool = False,
+) -> int | None:
+    """The frame in which a mover leaves behind what leaps after it at the end of `span`; None if it
+    does not. What rests after the leap may have been put down before, unless it is `found_there`.
+    """
     found, after = (path.at(slice(span.stop, span.stop + n)) for n in (1, 1 + COMPARED_STEPS))
-    rests = bool((pose_distance(found, after, size) < MEETING).all())
-    put = torch.arange(span.start + 1 if rests else span.stop, span.stop + 1)
-    own = palm.pose.at(put).inverse().compose(found)
-    given, there = path.at(span), palm.pose.at(span)
-    rows = Rigid(there.rotation[:, None], there.translation[:, None])
-    carried = rows.compose(own)  # [in a frame, as put down in one]
+    rests = not found_there and bool((pose_distance(found, after, size) < meeting).all())
+    first = span.start + 1 if rests else span.stop
+    put = torch.arange(first, span.stop + 1, device=path.translation.device)
+    own = mover.pose.at(put).inverse().compose(found)
+    given, there = path.at(span), mover.pose.at(span)
+    carried = Rigid(there.rotation[:, None], there.translation[:, None]).compose(own)
     among = Rigid(given.rotation[:, None], given.translation[:, None])
-    off = pose_distance(carried, among, size).cpu().numpy()
+    off = pose_distance(carried, among, size).cpu().numpy()  # [in a frame, as put down in one]
     moved = pose_distance(given, given.at(slice(-1, None)), size).cpu().numpy()
     would = pose_distance(carried, found, size).cpu().numpy()
-    away = palm.holds(path).translation.norm(dim=-1)[put.clamp(max=span.stop - 1)]
-    near = (own.translation.norm(dim=-1) <= away + MEETING).cpu().numpy()
+    away = mover.holds(path).translation.norm(dim=-1)[put.clamp(max=span.stop - 1)]
+    near = (own.translation.norm(dim=-1) <= away + meeting).cpu().numpy()
     best: tuple[float, int] | None = None
     for at in np.flatnonzero(near)[::-1].tolist():
-        left = last_together(off[: int(put[at]) - span.start, at])
+        left = last_together(off[: int(put[at]) - span.start, at], meeting)
         if left is None or moved[left] >= BEHIND * would[left, at]:
             continue
         if best is None or off[left, at] < best[0]:
             best = float(off[left, at]), span.start + left
-        if put[at] == span.stop:  # the palm has it
+        if put[at] == span.stop:  # it is with the mover
             break
     return None if best is None else best[1]
 
@@ -120,10 +162,10 @@ def leaps_among(steps: Float[np.ndarray, " N"], seen: Bool[Tensor, " T"], fps: f
     return found
 
 
-def last_together(off: Float[np.ndarray, " N"]) -> int | None:
-    """The last frame before an object stays behind the palm, None if it does not; `off` are its
-    distances from where the palm would carry it, metres."""
-    together = runs(off < MEETING)
+def last_together(off: Float[np.ndarray, " N"], meeting: float) -> int | None:
+    """The last frame before an object stays behind its mover, None if it does not; `off` are its
+    distances from where that would carry it, metres, at most `meeting` where it is with it."""
+    together = runs(off < meeting)
     if not together or together[-1].stop == len(off):
         return None
     near = off[together[-1]]

@@ -29,6 +29,7 @@ from recorded_inputs import (
     recorded,
     recorded_keypoints,
     reflected_at_the_palm,
+    that_stays_behind,
     transposed,
     with_faulty_frame,
     with_hands_on_a_line,
@@ -304,6 +305,12 @@ SITUATIONS = [
         code=0,
     ),
     Situation(
+        "The hand stays behind the object that it holds, and then leaps after it",
+        "the left hand stays behind the object that it holds, and then leaps after it, in 9 frames",
+        that_stays_behind("left_joints", "left_pose", "left_wrist"),
+        code=0,
+    ),
+    Situation(
         "The hand comes some frames later or earlier than the object that it holds",
         "left hand: timing: ... 6 frames later ... (--hand-delay 6, unless a note tells",
         late,
@@ -376,6 +383,12 @@ SITUATIONS = [
         "The pose moves on a straight line at an exactly even speed for four frames or more",
         "the pose of the object moves on straight lines at an exactly even speed in 4 frames",
         with_poses_on_a_line,
+        code=0,
+    ),
+    Situation(
+        "The pose stays behind the hand that moves the object, and then leaps after it",
+        "the pose of the object stays behind the hand that moves it, and then leaps after it, in 8",
+        that_stays_behind("object_rotation", "object_translation"),
         code=0,
     ),
     Situation(

@@ -1,20 +1,23 @@
-"""Poses of an object that stay behind the palm that moves it."""
+"""Objects and hands whose poses stay behind what they move with."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from carried_box import AT_REST, FRAMES, HELD, LOST, off, palm, passed, resting
+from carried_box import AT_REST, FRAMES, HELD, LOST, PLACES, off, palm, passed, resting
+from pretended_device import PretendedDevice
 from scipy.spatial.transform import Rotation
 
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.held_in_gaps import held_in_gaps
-from geneoh.objects.stuck import without_stuck_poses
+from geneoh.objects.palms import RigidMotion
+from geneoh.objects.stuck import behind_object, without_stuck_poses
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.seeds import seeded_generator
+from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import ObjectTrack
 
 
@@ -80,6 +83,18 @@ def test_so_it_does_where_it_was_taken_and_put_down():
     assert off(filled(given, palm()), truth, stays) < 0.15 * off(given, truth, stays)
 
 
+def test_objects_of_another_device_stay_there():
+    given = kept(passed(HELD, resting(30), 30), slice(20, 45))
+    expected, _ = without_stuck_poses(given, (palm(),), 30.0)
+    behind = behind_object(stuck_palm(LOST, 0.0, 0.0), 0.07, HELD, 30.0)
+    with PretendedDevice() as device:
+        found, _ = without_stuck_poses(given.to(device), (palm(),), 30.0)
+        again = behind_object(stuck_palm(LOST, 0.0, 0.0), 0.07, HELD.to(device), 30.0)
+        assert found.translation.device == device
+    assert found.to("cpu").observed.equal(expected.observed)
+    assert again.equal(behind)
+
+
 def moved(motion: ObjectTrack, frames: slice, shift: float, turn: float) -> ObjectTrack:
     """A track that is elsewhere in some frames, by metres along x and by radians about it."""
     places, turns = motion.translation.clone(), motion.rotation.clone()
@@ -117,6 +132,49 @@ def test_an_object_that_leaps_from_a_palm_was_not_stuck():
     place = torch.tensor([0.05, 0.0, 0.0])
     given = replace(given, translation=given.translation - given.translation[0] + place)
     assert without_stuck_poses(given, (comes,), 30.0)[0] is given
+
+
+def stuck_palm(frames: slice, share: float, noise: float) -> RigidMotion:
+    """A palm with white noise that makes only a share of its motion in some frames."""
+    numbers, truth, noisy = np.arange(FRAMES), palm(), palm(noise, 5 * noise)
+    since = numbers[frames] - frames.start + 1
+    numbers[frames] = frames.start - 1 + np.round(share * since).astype(int)
+    shift = noisy.places - truth.places
+    return replace(truth, turns=noisy.turns[numbers], places=truth.places[numbers] + shift)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.005])
+def test_a_palm_that_stays_behind_the_object_that_it_holds_is_told(share, noise):
+    found = behind_object(stuck_palm(LOST, share, noise), 0.07, HELD, 30.0)
+    wrong = found.nonzero()[:, 0].tolist()
+    assert abs(wrong[0] - LOST.start) <= 3
+    assert wrong[-1] == LOST.stop - 1
+
+
+def test_a_palm_by_an_object_at_rest_or_with_it_does_not_stay_behind():
+    for motion in (HELD, resting(20), kept(HELD, slice(30, FRAMES)), moved(HELD, LOST, 0.1, 0.0)):
+        assert not behind_object(palm(0.003, 0.03), 0.07, motion, 30.0).any()
+    leaps = replace(palm(), places=PLACES + 0.2 * (np.arange(FRAMES) >= 30)[:, None])
+    assert not behind_object(leaps, 0.07, resting(20), 30.0).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["clean", "gauss"])
+def test_a_hand_that_stays_behind_its_object_is_carried_by_it(noise):
+    clip = draw_clip("kettle", 0, 60)  # lifted from frame 23 to 39
+    (hand,), stays = clip.hands, slice(25, 37)
+    given = clip
+    if noise != "clean":
+        given = corrupt_sequence(clip, noise, generator=seeded_generator("stuck hand"))
+    (seen,) = given.hands
+    shift = kept(clip.object, stays).translation[:, 0] - clip.object.translation[:, 0]
+    behind = replace(seen, joints=seen.joints + shift[:, None], wrist=seen.wrist + shift)
+    result = denoise(replace(given, hands=(behind,)), Options(preset="fast"))
+    assert any("stays behind the object that it holds" in doubt for doubt in result.doubts)
+    (cleaned,) = result.hands.values()
+    apart = (cleaned.track.joints - hand.joints).norm(dim=-1).mean(-1)
+    assert float(apart[stays].mean()) < 0.25 * float(shift[stays].norm(dim=-1).mean())
 
 
 @pytest.mark.slow

@@ -80,6 +80,21 @@ def with_poses_on_a_line(folder: Path) -> None:
     recorded(object_translation=path)(folder)
 
 
+def that_stays_behind(*names: str) -> Callable[[Path], None]:
+    """The recording with arrays of hand or object that keep one pose for a while, and jitter."""
+
+    def write(folder: Path) -> None:
+        arrays, frames = dict(np.load(CLEAN)), np.arange(LENGTH)
+        frames[42:50] = 41
+        shift = np.random.default_rng(0).normal(scale=0.001, size=(LENGTH, 1, 3))
+        shifts = {"left_joints": shift, "left_wrist": shift[:, 0], "object_translation": shift}
+        for name in names:
+            arrays[name] = (arrays[name][frames] + shifts.get(name, 0.0)).astype(np.float32)
+        write_example(folder, arrays)
+
+    return write
+
+
 def with_faulty_frame(
     wrong: Callable[[np.ndarray], np.ndarray],
 ) -> Callable[[Path], None]:

@@ -9,7 +9,7 @@ from typing import Literal, cast, get_args
 
 import torch
 import trimesh.creation
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from torch import Tensor
 
@@ -23,7 +23,7 @@ from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz.files import load
 from geneoh.seeds import seeded_generator
-from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.gaps import fill_gaps, fill_object
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
@@ -90,10 +90,11 @@ around one in which it moves that count as moving, too."""
 Gap = Literal["lost 10", "lost 30", "on a line 10", "on a line 30"]
 """Number of frames without a pose, in one gap where they are farthest from a straight line; or with
 poses on this line, without a mark."""
-Stuck = Literal["stuck 10", "stuck 30"]
-"""Number of frames in which a track keeps the pose before them, where the object moves farthest
-from it, with white noise of `STUCK_NOISE` in all frames."""
-STUCK_NOISE = "both 1"
+Stuck = Literal["stuck 10", "stuck 30", "hand stuck 10", "hand stuck 30"]
+"""Number of frames in which the track of the object, or of the hand, keeps the pose before them,
+where it moves farthest from it, with white noise of `STUCK_NOISE` in all frames."""
+STUCK_NOISE, STUCK_HAND_NOISE = "both 1", 0.002
+"""White noise of objects, and of the position of hands, metres per axis."""
 ObjectKind = Literal[
     Stuck, ObjectNoise, WhiteNoise, CoveredNoise, ObjectFilter, Gap, "exact", "spins"
 ]
@@ -305,6 +306,8 @@ def with_noisy_object(
     if kind in get_args(Gap):
         return with_gap(sequence, kind)
     if kind in get_args(Stuck):
+        if kind.startswith("hand"):
+            return with_stuck_hand(sequence, kind, generator)
         return with_white_noise(with_stuck_poses(sequence, kind), STUCK_NOISE, generator)
     if kind in get_args(WhiteNoise):
         return with_white_noise(sequence, kind, generator)
@@ -331,12 +334,29 @@ def with_gap(sequence: Sequence, kind: str) -> Sequence:
 
 def with_stuck_poses(sequence: Sequence, kind: str) -> Sequence:
     """The clip with poses of its object that are `Stuck`."""
-    motion, length = sequence.object, int(kind.split()[1])
+    motion = sequence.object
     middles = motion.translation[:, 0] + motion.rotation[:, 0] @ motion.meshes[0].center()
-    steps = (middles[length:] - middles[:-length]).norm(dim=-1)
-    before, frames = int(steps[:-1].argmax()), torch.arange(sequence.frames)
+    return replace(sequence, object=motion[stuck_frames(middles, kind)])
+
+
+def with_stuck_hand(sequence: Sequence, kind: str, generator: torch.Generator) -> Sequence:
+    """The clip with a hand that is `Stuck`."""
+    (hand,) = sequence.hands
+    joints = fill_gaps(hand).joints
+    assert joints is not None, "every clip has joints"
+    frames = stuck_frames(joints.mean(1), kind)
+    shift = STUCK_HAND_NOISE * torch.randn(sequence.frames, 3, generator=generator)
+    wrist = None if hand.wrist is None else hand.wrist[frames] + shift
+    moved = replace(hand[frames], joints=joints[frames] + shift[:, None], wrist=wrist)
+    return replace(sequence, hands=(moved,))
+
+
+def stuck_frames(places: Float[Tensor, "T 3"], kind: str) -> Int[Tensor, " T"]:
+    """The frame whose pose a `Stuck` track has in each frame."""
+    length, frames = int(kind.rsplit(" ", 1)[1]), torch.arange(len(places))
+    before = int((places[length:] - places[:-length]).norm(dim=-1)[:-1].argmax())
     frames[before : before + length + 1] = before
-    return replace(sequence, object=motion[frames])
+    return frames
 
 
 def covered(sequence: Sequence) -> Float[Tensor, "T 1 1"]:

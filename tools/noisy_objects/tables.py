@@ -135,7 +135,7 @@ def lines_of_stuck(found: dict[tuple[str, str, str], list[Scores]]) -> Iterator[
     yield "|---" * 8 + "|"
     for (clip, noise, kind), scores in found.items():
         names = ["input", "filter", "result"]
-        names += ["object input", "object refined"] if kind != "exact" else []
+        names += ["object input", "object refined"] if kind.startswith("stuck") else []
         cells = [cell(scores, name) for name in names]
         cells += [""] * (5 - len(cells))
         yield f"| {clip} | {noise} | {kind} | {' | '.join(cells)} |"

@@ -26,6 +26,7 @@ from geneoh.objects.consistency import (
 )
 from geneoh.objects.palms import RigidMotion, palm_at
 from geneoh.objects.smoothing import increments
+from geneoh.objects.stuck import behind_object
 from geneoh.objects.symmetry import Symmetry
 from geneoh.pipeline.examination.stray import without_strays
 from geneoh.readers.checks.hands import finger_curls, palm_length
@@ -56,6 +57,7 @@ frame rates, up to `LARGEST_TURN`."""
 BACKWARD, CURL_JUMP = -0.2, 0.4
 """Curl of the fingers, in palm lengths, below which they bend backward like a hand of the other
 side, and its least difference to the neighbouring frames."""
+HAND_SIZE = 0.07  # radius of a hand, metres
 GUESSED = 0.05  # factor on the confidence of fingers that are interpolated
 ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])  # the trivial symmetry group, for a palm
 
@@ -116,7 +118,11 @@ def faults(
     track = keypoint_track(hand, fps, motion)
     elsewhere = away(track) & seen
     flipped = turned_away(track) & seen & ~elsewhere
-    gone = elsewhere | flipped
+    behind = behind_object(track.palms[0], HAND_SIZE, motion, fps).to(seen.device)
+    behind = behind & seen & ~elsewhere & ~flipped
+    if bool(behind.any()):
+        yield behind, "stays behind the object that it holds, and then leaps after it,", False
+    gone = elsewhere | flipped | behind
     if bool(gone.any()):  # the others are sought in the track without these
         hand, seen = replace(hand, valid=hand.valid & ~gone), seen & ~gone
         track = keypoint_track(hand, fps, motion)
